@@ -19,7 +19,7 @@ TILT, STICK, HOVERS_AT = 0.15, 1.2, 0.067
 
 
 def agent(seen: np.ndarray) -> np.ndarray:
-    """Return actions (n, 4) for scaled observations (n, 17), in the order of the tables."""
+    """Return actions (n, 4) for scaled observations (n, 17), of COL, LON, LAT and PED."""
     ahead, right, below, turn = *seen[:, :3].T, np.arctan2(seen[:, 3], seen[:, 4])
     phi, theta = 0.2 * seen[:, 8], 0.2 * seen[:, 9]
     col = -0.1 * below
@@ -30,7 +30,7 @@ def agent(seen: np.ndarray) -> np.ndarray:
 
 
 def main(episodes: int = 32) -> None:
-    """Print what is seen and moved, and how the episodes went."""
+    """Print what is seen, and how the episodes went."""
     env = gymnasium.make_vec(
         "helisim/Track-v0",
         num_envs=episodes,
@@ -40,8 +40,6 @@ def main(episodes: int = 32) -> None:
     )
     for one in env.unwrapped.observations:
         print(f"{one.name:22}{one.unit:7}{one.scale:<6g}{one.meaning}")
-    for one in env.unwrapped.actions:
-        print(f"{one.name:22}1      {one.authority:<6g}stick, about {one.centre:.3f}")
     seen, _ = env.reset(seed=1)
     score, lost = np.zeros(episodes), np.zeros(episodes, dtype=bool)
     for _ in range(500):

@@ -37,7 +37,7 @@ from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import load_fit
 from helisim.logs.dataflash import DataFlash
 from helisim.sitl import Aircraft
-from helisim.sitl.mixing import Controls, Mixer
+from helisim.sitl.mixing import Mixer, command_scale
 
 JR700 = "jr700"
 BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
@@ -101,12 +101,10 @@ class Row(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Percent of the truth."""
         return 100.0 * (self.value / self.truth - 1.0)
 
     @property
     def inside(self) -> bool:
-        """Whether the truth is within the bound."""
         return abs(self.value - self.truth) <= self.bound
 
     def __str__(self) -> str:
@@ -119,7 +117,6 @@ class Row(NamedTuple):
 
 
 def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
-    """Return what `helisim identify LOG` finds: value, bound, standard error and unit by name."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder, "model.json")
         command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
@@ -137,11 +134,10 @@ def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
 
 
 def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
-    """Return the derivatives of the JR700 by ArduPilot's commands."""
     aircraft = Aircraft(JR700)
     vehicle = aircraft.vehicle
-    controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
-    scale = controls.scale(hover)  # of col, lon, lat, ped by the autopilot's
+    # of col, lon, lat, ped by the autopilot's
+    scale = command_scale(Mixer(parameters), aircraft.outputs, vehicle.swashplate, hover)
     by = {axis: scale[k, k] for k, axis in enumerate(("col", "lon", "lat", "ped"))}
     true = dict(vehicle.derivatives)
     for name in true:
@@ -151,11 +147,9 @@ def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, floa
 
 
 def stated(source: Source, parameters: Mapping[str, float], hover: float) -> dict[str, float]:
-    """Return the derivatives of ArduPilot's own helicopter by its commands; see `exact_jr700`."""
-    mixer = Mixer.of(parameters)
+    mixer = Mixer(parameters)
 
     def moved(axis: str) -> np.ndarray:
-        """Return roll and pitch cyclic, yaw command and mean way for a unit of a command."""
         at = {"col": hover, "ped": 0.1}
         ends = []
         for step in (1e-3, -1e-3):
@@ -185,7 +179,6 @@ def stated(source: Source, parameters: Mapping[str, float], hover: float) -> dic
 
 
 def rows(whose: str, log: Path) -> list[Row]:
-    """Return what is identified of a log beside the truth."""
     flown = DataFlash(log)
     parameters, rate = flown.parameters(), flown.table("RATE")
     sweeps = flown.table("SIDD").time
@@ -204,7 +197,6 @@ def rows(whose: str, log: Path) -> list[Row]:
 
 
 def judged(whose: str, log: Path) -> list[str]:
-    """Print the table of a log; return the bars that it misses."""
     table = rows(whose, log)
     if not table:
         sys.exit(f"{log}: no derivative of {whose} is identified")
@@ -230,10 +222,10 @@ def judged(whose: str, log: Path) -> list[str]:
 
 
 def flown(whose: str, log: Path) -> Path:
-    """Fly the sweeps of a helicopter with ArduCopter-heli, and return its log."""
     if whose in (JR700, LOOPS):
-        axes = {JR700: ["roll,pitch,yaw,thrust"], LOOPS: ["roll,pitch,yaw", "--to", "24"]}
-        sweeps = ["--script", "sysid", "--axes", *axes[whose], "--log", str(log)]
+        script = "sysid,stop_hz=24" if whose == LOOPS else "sysid"
+        axes = "roll,pitch,yaw,thrust" if whose == JR700 else "roll,pitch,yaw"
+        sweeps = ["--script", script, "--axes", axes, "--log", str(log)]
         command = [sys.executable, "-m", "helisim", "sitl", JR700, *sweeps]
     else:
         command = [sys.executable, str(_OWN_HELICOPTER), str(log), whose]
@@ -244,7 +236,6 @@ def flown(whose: str, log: Path) -> Path:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the tables and return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     for whose in BARS:
         parser.add_argument(f"--{whose}", type=Path, nargs="+", default=[], metavar="LOG")

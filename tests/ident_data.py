@@ -3,7 +3,8 @@
 import numpy as np
 
 from helisim.ident import Fit, FrequencyResponse, Structure, identify
-from helisim.ident.evaluate import response
+from helisim.ident.evaluate import Sensitivity, response
+from helisim.records.record import FlightRecord, channel
 
 GRID = np.geomspace(0.5, 20.0, 60)
 YAW = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
@@ -12,6 +13,13 @@ ROLLPITCH = {
     "tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066,
     "A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.061, "tau_lat": 0.0115, "tau_lon": -0.0083,
 }  # fmt: skip
+
+
+def record(step=0.05, provenance=None, **columns):
+    """Return a record of channels by name."""
+    values = np.stack(list(columns.values()), axis=1)
+    channels = tuple(map(channel, columns))
+    return FlightRecord(np.arange(len(values)) * step, values, channels, provenance or {})
 
 
 def data(found, frequency=GRID, *, inputs=("u",), outputs=("y",), noise=0.0, seed=0, **units):
@@ -46,3 +54,12 @@ def slopes(structure: Structure, values, frequency, names=None, step=1e-6):
         )
         found.append(-np.diff(list(ends), axis=0)[0] / (2.0 * size))
     return np.array(found)
+
+
+def response_and_slope(structure: Structure, values, frequency):
+    """Return the response, (n_out, n_in, n_freq), and its exact derivatives by the free ones."""
+    shape = (len(structure.outputs), len(structure.inputs), frequency.size)
+    output, input_, position = np.indices(shape).reshape(3, -1)
+    points = Sensitivity(structure.program, frequency[position], output, input_)
+    there = points.at(structure.program.ordered(values))
+    return there.response.reshape(shape), there.slope().reshape(-1, *shape)

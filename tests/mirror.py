@@ -1,9 +1,4 @@
-"""A vehicle's parameters as a mirror shows them that swaps left and right.
-
-What turns clockwise turns the other way there; forces to the left push to the right. Physics knows
-no hand, so the mirrored vehicle flies the mirror image of every flight, and a helicopter that
-turns counter-clockwise can start from the numbers of one that turns clockwise.
-"""
+"""A vehicle's parameters as a mirror shows them that swaps left and right."""
 
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed
 
@@ -25,11 +20,7 @@ _ODD = (
 
 
 def mirrored(parameters: Parameters) -> Parameters:
-    """Return the parameters of the mirrored vehicle; its MJCF's left and right want swapping too.
-
-    The servo that was the left one is the right one then. Controls keep their sense: `lat` rolls
-    right and `ped` turns the nose right for both.
-    """
+    """Return the parameters of the mirrored vehicle; its MJCF wants swapping too."""
     whole = completed(parameters)
     entries = {}
     for name in whole:
@@ -45,3 +36,11 @@ def _swapped(name: str) -> str:
     if name.startswith("swashplate.right_"):
         return name.replace("right", "left")
     return name
+
+
+def mirrored_parts(model):
+    """Swap left and right of a model's bodies, sites and shapes, in place."""
+    for places in (model.body_ipos, model.site_pos, model.geom_pos):
+        places[:, 1] *= -1.0
+    for turns in (model.body_iquat, model.site_quat, model.geom_quat):
+        turns[:, [1, 3]] *= -1.0

@@ -6,7 +6,6 @@ down). Small flapping, linear lift, no stall, no reversed flow, no drag; the sec
 flapping stays. Angles by azimuth come out of it as what a fit of one turn finds.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +26,7 @@ class OneBlade:
         pitch: collective, rad, at the root.
         twist: rad from root to tip.
         cyclic: tilts against the shaft a, b (rad) that the swashplate asks for.
-        rates: p, q of the body, rad/s, and how they begin: share of them by time.
+        rates: p, q of the body, rad/s.
         air: p, q of the air, rad/s.
         advance: of the hub through the air, forward and right, over the tip's speed.
         inflow: through the disc, over the tip's speed.
@@ -42,7 +41,6 @@ class OneBlade:
     twist: float = 0.0
     cyclic: Pair = (0.0, 0.0)
     rates: Pair = (0.0, 0.0)
-    begin: Callable[[float], float] = lambda t: 1.0
     air: Pair = (0.0, 0.0)
     advance: Pair = (0.0, 0.0)
     inflow: float = 0.0
@@ -62,17 +60,14 @@ class OneBlade:
             psi = speed * t  # from the tail, in the sense of rotation
             out = np.array([-np.cos(psi), -hand * np.sin(psi), 0.0])
             along = np.array([np.sin(psi), -hand * np.cos(psi), 0.0])
-            share, tiny = self.begin(t), 1e-6
-            growth = (self.begin(t + tiny) - self.begin(t - tiny)) / (2.0 * tiny)
             body = np.array([*self.rates, 0.0])
             # the inertia of an element at `out`: of the shaft that turns about itself and is turned
             spin = np.array([0.0, 0.0, hand * speed])
-            turning = share * body + spin
-            angular = np.cross(share * body, spin) + growth * body
+            turning, angular = body + spin, np.cross(body, spin)
             lifted = -(np.cross(angular, out) + np.cross(turning, np.cross(turning, out)))[2]
             # the air at the strips, over the tip's speed
             tangential = r + ahead @ along
-            swing = share * body - np.array([*self.air, 0.0])
+            swing = body - np.array([*self.air, 0.0])
             blown = self.inflow - self.rear * r * (out @ upstream)
             # across a blade that stands up by `up`, so that its face leans inwards
             upward = -np.cross(swing, out)[2] / speed * r + r * rising / speed - up * (ahead @ out)

@@ -7,32 +7,6 @@ import numba
 from helisim.vehicle import Controller
 
 
-def pi_yaw(seen, state, settings):
-    """A tail rotor by eq. (7) of Wu and Chen with a lead, as a user would write it."""
-    k_p, k_i, k_delta, k_a, lead, lag, period = settings
-    filtered, summed = state[0], state[1]
-    led = filtered + (lead + lag) / lag * (seen.r - filtered)
-    error = k_delta * seen.PED - k_a * led
-    integral = summed - k_a * lead * filtered + 0.5 * period * error
-    command = k_p * error + k_i * integral
-    state[0] = filtered + period / lag * (seen.r - filtered)
-    state[1] = summed + period * (k_delta * seen.PED - k_a * seen.r)
-    return min(0.5, max(-0.5, command))
-
-
-def pi_yaw_from_trim(seen, state, settings):
-    """Start with the integral that holds the tail servo where it stands."""
-    state[1] = seen.tail / settings[1]
-
-
-def pi_settings(vehicle):
-    """Return the settings of `pi_yaw` with which it is the vehicle's own yaw gyro."""
-    names = ("k_p", "k_i", "k_delta", "k_a", "lead")
-    gains = [vehicle.parameters[f"gyro.{name}"] for name in names]
-    period, filtered = vehicle.parameters["gyro.period"], vehicle.parameters["gyro.lead_filter"]
-    return [*gains, period / (1.0 - math.exp(-period / filtered)), period]
-
-
 def attitude(seen, state, settings):
     """Hold roll and pitch by rates, angles, forces and servo positions, and the heading."""
     k_rate, k_angle, k_force, k_servo, k_sum, phi, theta, ax, ay, lon_0, lat_0 = settings
@@ -63,8 +37,6 @@ def attitude_settings(vehicle):
     return [0.06, 0.25, 0.002, 0.1, 0.002, phi, theta, *force, trim.lon, trim.lat]
 
 
-pi_yaw_native = numba.njit(pi_yaw)
-pi_yaw_from_trim_native = numba.njit(pi_yaw_from_trim)
 attitude_native = numba.njit(attitude)
 attitude_from_trim_native = numba.njit(attitude_from_trim)
 

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 from scipy.linalg import expm
 
-from dataflash_logs import Log
+from autopilot_logs import Log
 from helisim.ident import structures
-from helisim.ident.evaluate import matrices
+from helisim.ident.evaluate import linear
 
 TRUTH = {
     "rollpitch": {
@@ -36,9 +36,8 @@ def _system():
         "heave_imu": (slice(5, 6), slice(3, 4)),
     }
     for name, (states, inputs) in places.items():
-        found = matrices(structures.named(name), TRUTH[name])
-        mass = np.linalg.inv(found.M)
-        a[states, states], b[states, inputs] = mass @ found.F, mass @ found.G
+        found = linear(structures.named(name), TRUTH[name])
+        a[states, states], b[states, inputs] = found.a, found.b
     return a, b
 
 
@@ -68,16 +67,9 @@ def flown(
 ):
     """Return time of a sweep by its start, what was injected, its frequency, commands and motion.
 
-    Args:
-        axis: of SID_AXIS: 10 to 13, or 1 to 9, which inject the same elsewhere.
-        rate: of the loop, Hz.
-        low: Hz.
-        high: Hz.
-        length: of the sweep, s.
-        noise: of what turns it, anew at each loop, rad/s^2 rms.
-        seed: of the noise.
-        magnitude: of the sweep.
-        pulses: of the tail's whole travel to one side, us; 0 for a servo that takes any number.
+    `axis` is of SID_AXIS: 10 to 13, or 1 to 9, which inject the same elsewhere; frequencies and
+    `rate` are in Hz; `noise` turns it, rad/s^2 rms; `pulses` are those of the tail's travel to one
+    side, us, 0 for a servo that takes any number.
     """
     time = np.arange(round((length + 4.0) * rate)) / rate
     injected, frequency = chirp(time - 1.0, low, high, length)
@@ -106,13 +98,7 @@ def flown(
 
 
 class SidLog(Log):
-    """A DataFlash log of a flight with sweeps.
-
-    Args:
-        rate: of the loop and of the messages, Hz.
-        parameters: of the autopilot, by name.
-        without: types of messages that aren't logged.
-    """
+    """A DataFlash log of a flight with sweeps; types of messages in `without` aren't logged."""
 
     def __init__(self, *, rate=100.0, parameters=None, without=(), **options):
         super().__init__(**options)
@@ -163,15 +149,7 @@ class SidLog(Log):
     def sweep(
         self, axis, *, stop=None, why="SystemID Stopped: lean=31.0 max=30.0", keep=None, **options
     ):
-        """Fly a sweep, and write what is logged of it.
-
-        Args:
-            axis: of SID_AXIS.
-            stop: s after its start, when it is stopped.
-            why: what is said then.
-            keep: (n_time,) which rows reach the log, or None for all.
-            options: of `flown`.
-        """
+        """Fly a sweep, stopped after `stop` s, and write rows `keep`, (n_time,), of it."""
         time, injected, frequency, commands, motion = flown(axis, rate=self.rate, **options)
         sweep = {"low": 0.5, "high": 8.0, "length": 24.0, "magnitude": 0.05} | options
         low, high = sweep["low"], sweep["high"]

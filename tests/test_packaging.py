@@ -68,7 +68,7 @@ def test_the_wheel_holds_what_it_needs(wheel):
 
 
 def test_the_installed_package_finds_its_models(installed, tmp_path):
-    """Outside the checkout vehicle and public names load from what the wheel installed."""
+    """Also for the command, which prints the truth and leaves nothing where it was run."""
     code = (
         "import pathlib, helisim, mujoco\n"
         "folder = pathlib.Path(helisim.__file__).parent\n"
@@ -79,21 +79,5 @@ def test_the_installed_package_finds_its_models(installed, tmp_path):
     folder = Path(run([installed / "python", "-c", code], tmp_path).strip())
     assert installed.parent in folder.parents
     assert ROOT not in folder.parents
-
-
-def test_the_installed_examples_are_opened(installed, tmp_path):
-    """The recorded logs are in the wheel, those of another logger with their map."""
-    code = (
-        "import helisim as hs\n"
-        "print(*(len(hs.open_example(name)) for name in hs.examples()))\n"
-        "assert __import__('pathlib').Path(hs.__file__).parent in "
-        "hs.examples()['logger'].map.parents\n"
-    )
-    assert min(map(int, run([installed / "python", "-c", code], tmp_path).split())) > 100
-
-
-def test_the_installed_command_linearizes(installed, tmp_path):
-    """`helisim linearize --json` prints the truth as JSON, from the installed wheel alone."""
-    truth = json.loads(run([installed / "helisim", "linearize", "--json"], tmp_path))
-    assert truth
-    assert list(tmp_path.iterdir()) == []  # it leaves nothing where it was run
+    assert json.loads(run([installed / "helisim", "linearize", "--json"], tmp_path))
+    assert list(tmp_path.iterdir()) == []

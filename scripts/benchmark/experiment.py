@@ -26,7 +26,6 @@ class Clock:
         self._last = (time.perf_counter(), time.process_time())
 
     def __call__(self, part: str) -> None:
-        """Count what has passed since the last call for a part."""
         now = (time.perf_counter(), time.process_time())
         spent = self.parts.setdefault(part, [0.0, 0.0])
         for k in range(2):
@@ -34,7 +33,6 @@ class Clock:
         self._last = now
 
     def __str__(self) -> str:
-        """Return the table."""
         whole = [sum(spent[k] for spent in self.parts.values()) for k in range(2)]
         rows = [("", "wall s", "CPU s")] + [
             (part, f"{wall:.1f}", f"{cpu:.1f}")
@@ -44,7 +42,6 @@ class Clock:
 
 
 def whole_command(folder: str, flights: int) -> tuple[float, float]:
-    """Return wall and processor seconds of `helisim reproduce`; what it compiles stays there."""
     words = ["reproduce", "--quiet", "--flights", str(flights), "--out", f"{folder}/command"]
     environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/compiled"}
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -60,7 +57,6 @@ def whole_command(folder: str, flights: int) -> tuple[float, float]:
 
 
 def main(flights: int = 10) -> None:
-    """Print the table."""
     load = os.getloadavg()[0]
     print(f"{f'load of the machine {load:.1f}':<42}{'wall s':>8}{'CPU s':>8}")
     with tempfile.TemporaryDirectory() as folder:
@@ -95,7 +91,7 @@ def main(flights: int = 10) -> None:
         write_report(out, run)
         clock("report")
         records, model = named_records(run.flights), load_vehicle("jr700").visual_model()
-        write_recording(Path(folder) / "run.rrd", records, model=model, run=run)
+        write_recording(Path(folder) / "run.rrd", records, model=model)
         clock("Rerun recording")
     count = sum(map(len, run.flights.values()))
     print(f"the experiment with a recording, {count} flights kept, cold, part by part:")

@@ -49,19 +49,16 @@ OUTPUTS = tuple(
 
 
 def least(works: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:
-    """Return the least of what each work returns, all in turn so many times."""
     found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: min(one[name] for one in found) for name in works}
 
 
 @cfunc(types.float64())
 def resting() -> float:
-    """Return the same time whenever MuJoCo asks."""
     return 0.0
 
 
 def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
-    """Return CPU seconds a step of each, by name; JSBSim's are left out where there is none."""
     works: dict[str, Callable[[], float]] = {}
     ground = hs.Ground()
     plan = hs.FlightPlan(
@@ -69,7 +66,7 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
     )
     for integrator in INTEGRATORS:
         vehicle = hs.load("jr700", integrator=integrator)
-        model = prepare(vehicle, hs.Sweep(axis="lat"), seed=1, number=0)
+        model = prepare(vehicle, hs.FlightPlan(excitation=hs.Sweep(axis="lat")), seed=1, number=0)
         works |= _of_ours(integrator, vehicle, model)
         vehicle = hs.load("jr700", integrator=integrator, parameters=ALL_ON)
         below = vehicle.grounded_model(ground.put_into)
@@ -85,8 +82,6 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
 def _of_ours(
     name: str, vehicle: hs.Vehicle, model: mujoco.MjModel
 ) -> dict[str, Callable[[], float]]:
-    """Return our vehicle with our callbacks and without, stepped by one of the integrators."""
-
     def cost(height: float) -> float:
         data = mujoco.MjData(model)
         place(model, data, vehicle.trim, height=height)
@@ -114,7 +109,6 @@ def _of_ours(
 
 
 def ah1s() -> Any:
-    """Return JSBSim's AH-1S in the hover of its flight test. Raises ImportError without JSBSim."""
     import jsbsim
 
     with _silence():
@@ -131,7 +125,6 @@ def ah1s() -> Any:
 
 
 def ah1s_cost(simulation: Any, outputs: tuple[str, ...]) -> float:
-    """Return CPU seconds a step, with outputs that are read after each."""
     with _silence():
         start = time.process_time()
         for _ in range(STEPS):
@@ -143,7 +136,6 @@ def ah1s_cost(simulation: Any, outputs: tuple[str, ...]) -> float:
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Keep what JSBSim prints natively off the terminal."""
     sys.stdout.flush()
     kept = os.dup(1)
     with open(os.devnull, "w") as nothing:
@@ -156,7 +148,6 @@ def _silence() -> Iterator[None]:
 
 
 def main(rounds: int = ROUNDS) -> None:
-    """Print a line for each integrator, and JSBSim's."""
     cost = step_costs(rounds)
     peers = [name for name in (READ, UNREAD) if name in cost]
     print(f"{'':22}{'us a step':>10}{'steps/s':>9}{'x stock':>9}{'x same timers':>15}", end="")

@@ -89,7 +89,6 @@ COLUMNS = {
 
 
 def flown(vehicle: hs.Vehicle, excitation: hs.Excitation, seed: int) -> hs.FlightRecord:
-    """Return one flight with the channels that are kept."""
     recorder = replace(
         hs.Recorder.of(vehicle), rate_hz=RATE, antialias_hz=ANTIALIAS, resolution=RESOLUTION
     )
@@ -100,7 +99,6 @@ def flown(vehicle: hs.Vehicle, excitation: hs.Excitation, seed: int) -> hs.Fligh
 
 
 def write_logger(record: hs.FlightRecord, path: Path) -> None:
-    """Write a record as another program would: its own names, units, signs and decimals."""
     with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(["time_ms", *COLUMNS])
@@ -113,7 +111,6 @@ def write_logger(record: hs.FlightRecord, path: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Fly all and write the files."""
     folder.mkdir(parents=True, exist_ok=True)
     vehicle = hs.load("jr700")
     for axis in AXES:

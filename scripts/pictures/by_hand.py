@@ -8,25 +8,23 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import helisim as hs
-from helisim.hand import Deflection, HandFlight, KeyboardSticks
-from helisim.hand.window import Cockpit, GlfwWindow, Logbook
+from helisim.hand import Deflection, HandFlight, Sticks
+from helisim.hand.window import Cockpit, GlfwWindow
 from helisim.show.viewer import Rotors
 
 _HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Fly forward and to the right for a while, and draw that."""
     flight = HandFlight(hs.load("jr700"))
-    cockpit = Cockpit(flight, KeyboardSticks(), Logbook(_HERE / "by_hand.parquet"))
+    cockpit = Cockpit(flight, Sticks(), _HERE / "by_hand.parquet")
     flight.start_recording()
     flight.fly(2.6, lon=-0.6, lat=0.3)
     flight.deflection = Deflection(lon=-0.6, lat=0.3, ped=0.25)
     flight.fly(0.4)
     with GlfwWindow(flight, size=(960, 640)) as window:
-        window.panel = cockpit.panel
-        Rotors(flight.model, flight.vehicle.roles).draw(flight.data, window.user_scn)
-        window.sync()
+        Rotors(flight.model).draw(flight.data)
+        window.show(*cockpit.words())
         imsave(_HERE / "by_hand.png", window.picture())
 
 

@@ -32,35 +32,27 @@ _STICKS, _STEP, _SILENCE = 0.05, 0.02, 20.0
 """s of simulated time between two messages of the sticks, and steps; s of the clock in silence."""
 
 
-class Heard(Telemetry):
-    """Telemetry that also tells the time."""
-
-    time = 0.0
-
-    def _attitude(self, message) -> None:
-        super()._attitude(message)
-        self.time = 1e-3 * message.time_boot_ms
-
-
 class Seen:
     """The helicopter as its own autopilot sees it, in the place of one that flies here."""
 
-    def __init__(self, heard: Heard) -> None:
+    def __init__(self, heard: Telemetry) -> None:
         self._heard, self.rotor_speed = heard, 0.0
 
     @property
     def sensed(self) -> Sensed:
-        """What its EKF says."""
-        heard = self._heard
         position, velocity = (
-            np.nan_to_num(np.array(one, float)) for one in (heard.position, heard.velocity)
+            np.nan_to_num(self._heard.numbers("LOCAL_POSITION_NED", *names))
+            for names in (("x", "y", "z"), ("vx", "vy", "vz"))
         )
-        still = np.zeros(3)
-        return Sensed(heard.time, still, still, position, velocity, np.array((1.0, 0.0, 0.0, 0.0)))
+        still, upright = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0))
+        return Sensed(time_of(self._heard), still, still, position, velocity, upright)
+
+
+def time_of(heard: Telemetry) -> float:
+    return 1e-3 * float(np.nan_to_num(heard.numbers("ATTITUDE", "time_boot_ms")[0]))
 
 
 def swept(pilot: Pilot, low: float, high: float) -> Steps:
-    """Take off, fly a sweep of each axis between two frequencies, Hz, and land."""
     yield from pilot.take_off(HEIGHT)
     for sweep in sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06):
         yield from pilot.go_to(0.0, 0.0, HEIGHT)
@@ -74,7 +66,6 @@ def swept(pilot: Pilot, low: float, high: float) -> Steps:
 
 
 def fly(log: Path, model: str, program: Path) -> None:
-    """Fly the sweeps. Raises HelisimError."""
     beside = program.parent / "copter-heli.parm"
     if not beside.is_file():
         raise InputError(
@@ -83,25 +74,24 @@ def fly(log: Path, model: str, program: Path) -> None:
     defaults = beside.read_text(encoding="ascii")
     text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
     with Autopilot(program, text, speed=SPEED, more=("--model", model)) as autopilot:
-        heard = Heard(autopilot.telemetry)
-        pilot = Pilot(Seen(heard), heard, lambda said: print(f"{heard.time:7.1f} s  {said}"))
+        heard = Telemetry(autopilot.telemetry)
+        pilot = Pilot(Seen(heard), heard, lambda said: print(f"{time_of(heard):7.1f} s  {said}"))
         steps = swept(pilot, *SWEPT[model])
         sticks = step = 0.0
         while True:
             listen(autopilot, pilot)
-            if heard.time >= step:
-                step = heard.time + _STEP
+            now = time_of(heard)
+            if now >= step:
+                step = now + _STEP
                 if next(steps, "done") == "done":
                     break
-            if heard.time >= sticks:
-                sticks = heard.time + _STICKS
-                heard.move_sticks(pilot.sticks.pulses)
-                heard.beat()
+            if now >= sticks:
+                sticks = now + _STICKS
+                heard.speak(pilot.sticks.pulses)
         autopilot.keep_log(log)
 
 
 def listen(autopilot: Autopilot, pilot: Pilot) -> None:
-    """Take in what the autopilot says. Raises AutopilotError if it says nothing for long."""
     heard, told = pilot.telemetry, len(pilot.telemetry.said)
     if not select.select([autopilot.telemetry], [], [], _SILENCE)[0]:
         autopilot.check()
@@ -109,14 +99,13 @@ def listen(autopilot: Autopilot, pilot: Pilot) -> None:
     heard.hear()
     for one in heard.said[told:]:
         pilot.say(f"ArduPilot: {one}")
-    if not heard.time:
+    if not time_of(heard):
         heard.ask_for_messages()  # which tell the time
     pilot.aircraft.rotor_speed = float(pilot.sticks.rotor)
     pilot.sensed = pilot.aircraft.sensed
 
 
 def main(log: str, model: str = "heli", program: str | None = None) -> None:
-    """Fly it, and say where the log is."""
     if model not in SWEPT:
         raise UnknownNameError("helicopter of ArduPilot's", model, SWEPT)
     fly(Path(log), model, find_program(program))

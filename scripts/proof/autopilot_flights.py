@@ -1,9 +1,9 @@
 """ArduPilot flies the JR700 twice by the same script: what must hold of a flight, and of both.
 
-Take-off to 5 m, a hover, a square, a sweep of each axis of SystemID in the loops of attitude, rate
-and at the mixer, landing, disarmed, rotor stopped. Bars: the hover stays within 0.5 m of where it
-began; the autopilot stands disarmed at the end and the rotor stands still; its log lacks no
-message; and two flights give the same flight record byte for byte. Exit status 1 if one is missed.
+Take-off to 5 m, a hover, a square, a sweep of each axis of SystemID at the mixer, landing,
+disarmed, rotor stopped. Bars: the hover stays within 0.5 m of where it began; the autopilot stands
+disarmed at the end and the rotor stands still; its log lacks no message; and two flights give the
+same flight record byte for byte. Exit status 1 if one is missed.
 
     HELISIM_ARDUPILOT=.../arducopter-heli python scripts/proof/autopilot_flights.py --hover 300
 """
@@ -22,9 +22,10 @@ from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.parameters import parameters_for
 from helisim.sitl.pilot import Pilot, Steps
 from helisim.sitl.process import find_program
-from helisim.sitl.session import CORNERS, Flight, fly_script
+from helisim.sitl.session import Flight, fly_script
 from helisim.sitl.systemid import fly_sweep, sweeps
 
+CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0))  # m north and east
 WITHIN = 0.5  # m, of the hover.
 STILL = 0.02  # Of the rotor's nominal speed: it creeps on below.
 
@@ -40,7 +41,6 @@ class Flown(NamedTuple):
 def flown(
     script: Callable[[Pilot], Steps], program: Path, folder: Path, *, armed: bool = True
 ) -> Flown:
-    """Fly a script, and keep its record as a file has it; one that is `armed` has a log too."""
     aircraft = Aircraft("jr700", recorded=True)
     text, path = parameters_for("jr700").text, folder / "flight.parquet"
     log = folder / "flight.bin" if armed else None
@@ -57,7 +57,6 @@ class Whole:
         self.disarmed = False
 
     def __call__(self, pilot: Pilot) -> Steps:
-        """Fly it."""
         yield from pilot.take_off(5.0)
         yield from pilot.wait(5.0)
         begun, end = pilot.sensed.position, pilot.time + self.hover
@@ -68,9 +67,7 @@ class Whole:
         for north, east in CORNERS:
             yield from pilot.go_to(north, east, 5.0)
         band = {"start_hz": 0.5, "stop_hz": 5.0, "seconds": self.seconds}
-        for sweep in sweeps(
-            ["roll", "pitch", "yaw", "thrust"], ["input", "recovery", "rate", "mixer"], **band
-        ):
+        for sweep in sweeps(["roll", "pitch", "yaw", "thrust"], **band):
             yield from pilot.go_to(0.0, 0.0, 30.0)
             yield from fly_sweep(pilot, sweep)
         yield from pilot.go_to(0.0, 0.0, 5.0)
@@ -79,7 +76,6 @@ class Whole:
 
 
 def main() -> int:
-    """Fly twice; print each bar with its figure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--hover", type=float, default=300.0, help="s")
     parser.add_argument("--sweep", type=float, default=20.0, help="s, each")

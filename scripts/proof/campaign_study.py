@@ -38,39 +38,32 @@ Row = dict[str, Any]
 
 
 def conditions(provenance: Row) -> tuple[str, ...]:
-    """Return the columns that the campaign varied."""
     settings = provenance["campaign"]["settings"]
     columns = [f"{one['section']}.{one['name']}" for one in settings if varies(one["law"])]
     return tuple(columns)
 
 
 def varies(law: Row) -> bool:
-    """Return whether a law of the plan has more than one value."""
     return len(law.get("values", (0, 1))) > 1
 
 
 def levels(rows: Sequence[Row], column: str) -> list[Any]:
-    """Return the values of a column, least first."""
     return sorted({row[column] for row in rows})
 
 
 def mildest(rows: Sequence[Row], columns: Sequence[str]) -> Row:
-    """Return the condition with least noise and turbulence and the longest records."""
     return {name: levels(rows, name)[-1 if name == LENGTH else 0] for name in columns}
 
 
 def select(rows: Sequence[Row], condition: Row) -> list[Row]:
-    """Return the rows of a condition."""
     return [row for row in rows if all(row[name] == value for name, value in condition.items())]
 
 
 def in_words(condition: Row) -> str:
-    """Return a condition in words."""
     return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
 
 def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
-    """Print the shares of the intervals that hold the truth, at each level of each column."""
     above, below = f"{'':<24}", f"{'% in 95 % / in CR':<24}"
     cells: dict[str, str] = {}
     for column in columns:
@@ -85,7 +78,6 @@ def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
 
 
 def against(rows: Sequence[Row], column: str, condition: Row) -> None:
-    """Print bias and scatter of each parameter at each level of a column, in one condition."""
     kept = select(rows, condition)
     values = levels(kept, column)
     number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
@@ -97,7 +89,6 @@ def against(rows: Sequence[Row], column: str, condition: Row) -> None:
 
 
 def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -> dict[str, str]:
-    """Return a line for each parameter, with a cell for each level of a column."""
     found = summarise(pa.Table.from_pylist(rows), by=(column,))
     lines: dict[str, str] = {}
     for one in sorted(found, key=lambda one: one.group[column]):
@@ -106,17 +97,14 @@ def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -
 
 
 def covered(one: Summary) -> str:
-    """Return the shares of the 95 % intervals and of the bounds that hold the truth, %."""
     return f"{f'{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}':>8}"
 
 
 def scattered(one: Summary) -> str:
-    """Return bias and scatter, %."""
     return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
 
 
 def named(one: Summary) -> str:
-    """Return whose numbers these are."""
     method = one.group["method"]
     return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
 
@@ -167,7 +155,6 @@ def tended_to(plan: Row) -> dict[tuple[str, str], float]:
 
 
 def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
-    """Print the shortest flight time within the paper's bounds, for each condition."""
     found = {row["model"] for row in rows}
     bounds = {(model, name): bound(model, name) for model, name in WANTED if model in found}
     if not bounds:
@@ -186,7 +173,6 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
-    """Return in words the shortest flights from which on enough replicates are within a limit."""
     model, parameter = key
     wanted = {"model": model, "parameter": parameter, "method": "designed"}
     enough: list[tuple[float, str]] = []
@@ -205,14 +191,12 @@ def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
 
 
 def bound(model: str, parameter: str) -> float:
-    """Return the paper's bound on a parameter relative to its size, or what stands in for it."""
     (one,) = (item for item in MODELS if item.name == model)
     printed = published("jr700")[model][parameter]
     return one.paper_tolerance(parameter, printed.cr_percent).percent / 100.0
 
 
 def compare(first: str, second: str) -> None:
-    """Print by how much two campaigns with the same seeds differ, a line a parameter."""
     same = ("replicate", "seed", "flights", "method", "model", "parameter")
     one, other = (
         {
@@ -236,7 +220,6 @@ def compare(first: str, second: str) -> None:
 
 
 def main(path: str) -> None:
-    """Print the study."""
     table, provenance = read_dataset(path)
     rows = table.to_pylist()
     columns = conditions(provenance)

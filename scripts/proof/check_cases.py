@@ -27,7 +27,6 @@ GROUPS = (
 
 
 def main() -> None:
-    """Print the greatest difference of each case, and what a flat earth makes of case 1."""
     vehicle = load("jr700")
     step = 1e3 * vehicle.model.opt.timestep
     print(f"RK4, {step:g} ms, against SIM 4 of NASA/TM-2015-218675 (12 digits printed)")

@@ -19,7 +19,6 @@ COLUMNS = ("motor", "stored", "wind", "heat", "missing", "legs")
 
 
 def main() -> None:
-    """Print a line for each flight, J: missing in the air at most, and taken by the landing."""
     vehicle = load("jr700", parameters={"drive.governor": "motor"})
     print(f"{'J':30s}" + "".join(f"{name:>10s}" for name in COLUMNS) + "   of heat")
     for name in energy.FLIGHTS:

@@ -11,7 +11,7 @@ Crossover and DRB are frequencies: judged is by how many dB the exact curve miss
 where the measured one has them. The curves themselves are judged where 0.1 < |L| < 10. The exit
 status is 1 if a bar is missed, or a figure was not measured.
 
-    helisim sitl --script sysid --axes roll,pitch,yaw --to 24 --log jr700.bin
+    helisim sitl --script sysid,stop_hz=24 --axes roll,pitch,yaw --log jr700.bin
     python scripts/proof/flown_loops.py jr700.bin
 
     python scripts/proof/ardupilots_helicopter.py heli.bin
@@ -40,7 +40,7 @@ from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_loops
 from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
-from helisim.sitl.mixing import Controls, Mixer
+from helisim.sitl.mixing import Mixer, command_scale
 
 DECIBEL, DEGREES = 0.5, 3.0  # The bars.
 _JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
@@ -58,8 +58,8 @@ def exact_plant(parameters: Mapping[str, float], hover: float, period: float) ->
     aircraft = Aircraft("jr700")
     vehicle = aircraft.vehicle
     system = vehicle.linearize().system
-    controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
-    scale = controls.scale(hover)[:, [IN1.index(name) for name in COMMANDS]]
+    scale = command_scale(Mixer(parameters), aircraft.outputs, vehicle.swashplate, hover)
+    scale = scale[:, [IN1.index(name) for name in COMMANDS]]
     by = [system.input_labels.index(name) for name in IN1]
     rows = [system.output_labels.index(name) for name in OUTPUTS]
     a, b, c = (np.asarray(one) for one in (system.A, system.B, system.C))
@@ -107,8 +107,7 @@ def ardupilots_helicopter(parameters: Mapping[str, float]) -> LinearSystem:
 
 
 def _continuous(parameters: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return A, (10, 10), and B, (10, 3), of its equations as its source states them."""
-    mixer = Mixer.of(parameters)
+    mixer = Mixer(parameters)
     still, moved = mixer.exact({"col": 0.5}), []
     for name in COMMANDS:
         one = mixer.exact({"col": 0.5, name: 0.1})
@@ -155,7 +154,6 @@ class Row(NamedTuple):
 
     @property
     def met(self) -> bool:
-        """Whether it is within its bar; what wasn't measured isn't."""
         return bool(abs(self.off) <= self.bar)
 
     def __str__(self) -> str:
@@ -168,7 +166,6 @@ class Row(NamedTuple):
 
 
 def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]:
-    """Return all figures beside the exact ones, and by how much each curve is off at most."""
     table = []
     measured = {(one.axis, one.name): one.interval for one in found.figures}
     for axis in found.loop.axes:
@@ -207,18 +204,26 @@ def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]
 
 
 def judged(log: Path, *, own: bool) -> list[str]:
-    """Print the table of a log, of ArduPilot's own helicopter or ours; return what it misses."""
-    flown = flown_loops(log)
-    if flown.law is None:
-        sys.exit(f"{log}: its parameters are no helicopter's")
-    opened = DataFlash(log)
-    rate = opened.table("RATE", fields=("AOut",))
+    flown, opened = flown_loops(log), DataFlash(log)
+    swept = [sweep for one in flown.logs.values() for sweep in one]
+    rate = opened.table("RATE")
     first = min(opened.first_stamps.values())
-    start, stop = (first + one for one in (flown.sweeps[0].start, flown.sweeps[-1].stop))
+    start, stop = (first + one for one in (swept[0].start, swept[-1].stop))
     while_swept = (rate.time >= start) & (rate.time <= stop)
     hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
-    law = replace(flown.law, period=1.0 / opened.parameters()["SCHED_LOOP_RATE"])
     parameters = opened.parameters()
+
+    def steady(message: str, field: str) -> float:
+        table = opened.table(message)
+        before = np.abs(table.time - start) < 1.0
+        return float(np.median(np.asarray(table[field], float)[before]))
+
+    angles = "ANG" if "ANG" in opened else "ATT"
+    law = ArduCopterLaw.of(
+        opened.parameters(at=start),
+        lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
+        steady={"lat": steady("PIDR", "I"), "lon": steady("PIDP", "I"), "ped": steady("PIDY", "I")},
+    )
     plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
     table = rows(flown.margins(), plant, law)
     print(f"\nloops as flown: {log}")
@@ -237,7 +242,6 @@ def judged(log: Path, *, own: bool) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the tables and return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG")
     parser.add_argument("--heli", action="store_true", help="ArduPilot's own helicopter flew")

@@ -12,12 +12,11 @@ flies again with what is named switched, and the difference must shrink. Where t
 differ from each other as much, neither is more than that. Sources: scripts/proof/lynx.toml and
 models/lynx/README.md.
 
-    python scripts/proof/full_scale.py [--figure full_scale.png]
+    python scripts/proof/full_scale.py
 """
 
-import argparse
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,8 +26,6 @@ from scipy.optimize import brentq
 
 from helisim.base.files import read_toml
 from helisim.base.settings import check, from_plain
-from helisim.show.canvas import to_figure
-from helisim.show.figure import Drawing, Mark, Panel
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.calibrate import flapping_of
 from helisim.vehicle.swashplate import lock_reduction
@@ -57,7 +54,6 @@ class LinearFlight:
     b: tuple[tuple[float, ...], ...]
 
     def derivative(self, rate: str, cause: str) -> float:
-        """Return d(rate of a state)/d(state or input) by name, such as ("q", "u") for M_u."""
         return (*self.a[row := STATES.index(rate)], *self.b[row])[(*STATES, *INPUTS).index(cause)]
 
 
@@ -83,7 +79,6 @@ class FullScale:
         check(self)
 
     def apart(self, name: str, knots: int) -> float:
-        """Return by how much of Padfield's value the thesis's is off it. Raises KeyError."""
         axis, _, cause = name.partition("_")
         printed = self.padfield[knots].derivative(RATE_OF[axis], cause)
         return self.thesis_derivatives[name][self.thesis_knots.index(knots)] / printed - 1.0
@@ -142,18 +137,15 @@ class Row:
 
     @property
     def off(self) -> float:
-        """Relative difference."""
         return self.found / self.printed - 1.0 if self.printed else np.inf
 
     @property
     def close(self) -> bool:
-        """Whether they agree."""
         return abs(self.off) <= CLOSE or abs(self.found - self.printed) <= self.small
 
 
 @cache
 def flights(changes: Changes = ()) -> tuple[Flight, ...]:
-    """Return the model's level flights from 0 to 120 kn, with some parameters changed."""
     vehicle, found = load("lynx", parameters=dict(changes)), []
     for knots in LYNX.thesis_knots:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
@@ -162,7 +154,6 @@ def flights(changes: Changes = ()) -> tuple[Flight, ...]:
 
 
 def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
-    """Return each blade angle's control and how many radians one unit of it is."""
     own = vehicle.parameters
     cyclic, hand = own["geometry.cyclic_range"], own["main_rotor.direction"]
     return {
@@ -174,7 +165,6 @@ def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
 
 
 def angles(vehicle: Vehicle) -> dict[str, float]:
-    """Return the trim as the field's angles, rad; theta_0 is that of the twisted blade's root."""
     own, trim = vehicle.parameters, vehicle.trim
     centre = {
         "theta_0": own["main_rotor.pitch_trim"] - 0.75 * own["main_rotor.twist"],
@@ -188,7 +178,6 @@ def angles(vehicle: Vehicle) -> dict[str, float]:
 
 
 def derivatives(vehicle: Vehicle) -> dict[str, float]:
-    """Return the derivatives of six degrees of freedom, per radian of the blades' angles."""
     linear = vehicle.linearize("IN1").rigid_body()
     by_control = travel(vehicle)
     found = {}
@@ -200,7 +189,6 @@ def derivatives(vehicle: Vehicle) -> dict[str, float]:
 
 
 def without_kinematics(values: Mapping[str, float], speed: float, theta: float) -> dict[str, float]:
-    """Return derivatives without what turning body axes make of the speed: -W in X_q, W in Y_p."""
     down = speed * float(np.sin(theta))
     parts = {"X_q": -down, "Y_p": down}
     return {name: value - parts.get(name, 0.0) for name, value in values.items()}
@@ -250,7 +238,6 @@ class Explanation:
     term: Callable[[Row, Flight], float] | None = None
 
     def tried(self, row: Row) -> Row:
-        """Return a row as it is with what is explained made as the print has it."""
         if self.term is not None:
             flown = flights(_AS_THESIS if row.source == THESIS else ())
             flight = next(one for one in flown if one.knots == row.knots)
@@ -258,7 +245,6 @@ class Explanation:
         return _indexed(row.source, self.switch)[row.name, row.knots]
 
     def holds(self, row: Row) -> bool:
-        """Whether trying it takes away at least half of a difference, or makes it small."""
         tried = self.tried(row)
         return tried.close or abs(tried.found - row.printed) <= 0.5 * abs(row.found - row.printed)
 
@@ -268,7 +254,6 @@ def _indexed(source: str, changes: Changes = ()) -> Mapping[tuple[str, int], Row
 
 
 def verdict(row: Row) -> str:
-    """Return "" for a number that agrees, the letter of what explains it, or "?"."""
     if row.close:
         return ""
     for one in EXPLANATIONS:
@@ -283,7 +268,6 @@ def verdict(row: Row) -> str:
 
 
 def _parts_at_60(name: str) -> bool:
-    """Whether the thesis departs from Padfield at 60 kn where the model has Padfield's value."""
     book, thesis = (_indexed(source).get((name, 60)) for source in (PADFIELD, THESIS))
     if book is None or thesis is None:
         return False
@@ -291,7 +275,6 @@ def _parts_at_60(name: str) -> bool:
 
 
 def unexplained() -> list[Row]:
-    """Return the numbers that neither agree nor are explained."""
     return [row for source in (PADFIELD, THESIS) for row in rows(source) if verdict(row) == "?"]
 
 
@@ -336,7 +319,6 @@ def skewed_wake(row: Row, flight: Flight) -> float:
 
 
 def _rise(own: Mapping[str, float], *, u: float, w: float, theta_0: float) -> float:
-    """Return by how much inflow over the disc rises more in Helisim's wake than in helisim's."""
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
     solidity /= np.pi * own["main_rotor.radius"]
     slope = own["main_rotor.lift_slope"] * solidity
@@ -357,7 +339,6 @@ def _rise(own: Mapping[str, float], *, u: float, w: float, theta_0: float) -> fl
 
 
 def answering_inflow() -> Changes:
-    """Return flapping with Lock's number reduced by an inflow that answers the blades at once."""
     own = load("lynx").parameters
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
     solidity /= np.pi * own["main_rotor.radius"]
@@ -370,7 +351,6 @@ def answering_inflow() -> Changes:
 
 
 def _tail(knots: int) -> tuple[float, float, float, float]:
-    """Return the tail rotor's a sigma, advance ratio, thrust that the thesis prints, and inflow."""
     own = load("lynx").parameters
     slope = own["tail_rotor.lift_slope"] * own["tail_rotor.blades"] * own["tail_rotor.chord"]
     advance = knots * KNOT / (own["tail_rotor.speed"] * own["tail_rotor.radius"])
@@ -391,14 +371,12 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
 
 
 def printed_tail_thrust(row: Row, flight: Flight) -> float:
-    """Return how much more pitch the tail needs for the thrust that the thesis prints."""
     slope, advance, thrust, induced = _tail(row.knots)
     through = 0.5 * FACTOR * induced
     return 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2) - row.found
 
 
 def stabilising_fuselage(row: Row, flight: Flight) -> float:
-    """Return what the fuselage's yawing moment adds to N_v with the thesis's sign."""
     own = load("lynx").parameters
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
     moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * KNOT
@@ -466,49 +444,7 @@ EXPLANATIONS = (
 )
 
 
-_NONE = np.empty(0)
-_MARKS = (
-    (PADFIELD, Mark("line", "identified", _NONE, _NONE), Mark("dots", "identified", _NONE, _NONE)),
-    (THESIS, Mark("dashes", "truth", _NONE, _NONE), Mark("rings", "truth", _NONE, _NONE)),
-)
-"""Of the model and of each print."""
-_PAGE = (
-    ("trim", "Blades and fuselage in trim", ANGLES[:5]),
-    ("forces", "Forces by speed", ("X_u", "X_w", "Z_u", "Z_w", "Y_v")),
-    ("moments", "Moments by motion", ("M_w", "M_q", "L_p", "N_v", "N_r")),
-    ("controls", "Controls", ("Z_theta_0", "M_theta_0", "M_theta_1s", "L_theta_1c", "N_theta_0T")),
-)
-"""Drawings of the figure: name, title, panels."""
-
-
-def draw(path: Path) -> None:
-    """Draw the model's curves and both prints' points."""
-    pages = [_drawing(*page) for page in _PAGE]
-    to_figure([pages[:2], pages[2:]]).savefig(path, dpi=110)
-
-
-def _drawing(name: str, title: str, names: Sequence[str]) -> Drawing:
-    caption = f"{title} of the Lynx over speed: model, Padfield, thesis"
-    panels = tuple(_panel(one, named=one == names[0]) for one in names)
-    return Drawing(name, title, caption, panels, "airspeed, kn")
-
-
-def _panel(name: str, *, named: bool) -> Panel:
-    scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
-    marks = []
-    for source, line, points in _MARKS:
-        mine = [row for row in rows(source) if row.name == name]
-        if mine:
-            knots = np.array([float(row.knots) for row in mine])
-            found = scale * np.array([row.found for row in mine])
-            printed = scale * np.array([row.printed for row in mine])
-            marks.append(replace(line, x=knots, y=found, label=f"as {source}" * named))
-            marks.append(replace(points, x=knots, y=printed, label=source * named))
-    return Panel(f"{name}, deg" if name in ANGLES else name, tuple(marks), 80.0)
-
-
 def table(source: str) -> str:
-    """Return a print's numbers, the model's below them, and by how many percent it is off."""
     mine = rows(source)
     speeds = dict.fromkeys(row.knots for row in mine)
     lines = [f"{source:<12}{'kn':>4}" + "".join(f"{knots:>10}" for knots in speeds)]
@@ -534,10 +470,6 @@ def _percent(row: Row) -> str:
 
 
 def main() -> None:
-    """Print both tables, what explains the differences, and what doesn't."""
-    parser = argparse.ArgumentParser(description="A Lynx beside two prints.")
-    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw them, .png or .svg")
-    options = parser.parse_args()
     for source in (PADFIELD, THESIS):
         print(table(source), end="\n\n")
     power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
@@ -547,8 +479,6 @@ def main() -> None:
         print(textwrap.fill(f"{letter}  {words}", 88, subsequent_indent="   "))
     left = unexplained()
     print(f"?  {len(left)} of {sum(len(rows(one)) for one in (PADFIELD, THESIS))} unexplained")
-    if options.figure:
-        draw(options.figure)
 
 
 LEGEND = (

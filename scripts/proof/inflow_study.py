@@ -4,10 +4,9 @@ The vehicle flies sweeps with `main_rotor.inflow = "pitt-peters"`, faster than a
 roll-pitch are identified with structures without inflow, as the paper's, and with those that have
 it; each is set beside the truth. For roll-pitch the latter is fitted to the exact response too:
 what the structure can do, apart from what flights do to an estimate. So is the hover's, whole and
-without what it has no states for. The figure has the exact
-responses of both options.
+without what it has no states for.
 
-    python scripts/proof/inflow_study.py [FLIGHTS] [FIGURE.png]
+    python scripts/proof/inflow_study.py [FLIGHTS]
 """
 
 import sys
@@ -73,7 +72,6 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
 
 
 def fast_response(records: Sequence[hs.FlightRecord]) -> hs.FrequencyResponse:
-    """Estimate the response of p and q to cyclic with drift held, where the slopes lag."""
     return hs.frequency_response(
         records,
         inputs=("lat", "lon"),
@@ -85,7 +83,6 @@ def fast_response(records: Sequence[hs.FlightRecord]) -> hs.FrequencyResponse:
 
 
 def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, ident.Fit]:
-    """Fit the hover to exact responses: whole, without yaw, and with a disc blind to drift too."""
     linear = vehicle.linearize("IN1").system
     structure = hs.structures.hover_inflow.with_fixed({"turn": true["turn"]})
     omega = np.geomspace(*HOVER_BAND, 150)
@@ -112,7 +109,6 @@ def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, iden
 
 
 def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -> str:
-    """Return a table: a row a parameter, identified by each structure beside the truth."""
     rows = dict.fromkeys(one for fit in reversed(list(fits.values())) for one in fit.values)
     lines = [f"{name:<10}{'truth':>11}" + "".join(f"{one:>26}" for one in fits)]
     for parameter in rows:
@@ -138,7 +134,6 @@ def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -
 
 
 def worst(fit: ident.Fit, true: Mapping[str, float]) -> str:
-    """Return the parameter that is most of its standard errors off the truth, and how many."""
     off = {
         name: abs(fit[name].value - true[name]) / fit[name].standard_error
         for name in fit.values
@@ -148,32 +143,7 @@ def worst(fit: ident.Fit, true: Mapping[str, float]) -> str:
     return f"{name} {off[name]:.1f}"
 
 
-def draw(path: str, still: hs.Vehicle, moving: hs.Vehicle) -> None:
-    """Draw exact responses of both options: a_z/col, and p/lat and q/lat off the axis."""
-    from matplotlib.figure import Figure
-
-    omega = np.geomspace(0.5, 80.0, 300)
-    pairs = (("az", "col"), ("p", "lat"), ("q", "lat"))
-    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
-    axes = figure.subplots(2, len(pairs), sharex=True)
-    for vehicle, label in ((still, "quasi-steady"), (moving, "pitt-peters")):
-        linear = vehicle.linearize("IN1")
-        system, response = linear.system, linear.response(omega)
-        for (output, given), (size, phase) in zip(pairs, axes.T):
-            row, column = system.output_labels.index(output), system.input_labels.index(given)
-            size.semilogx(omega, 20.0 * np.log10(np.abs(response[row, column])), label=label)
-            phase.semilogx(omega, np.rad2deg(np.unwrap(np.angle(response[row, column]))))
-            size.set_title(f"{output}/{given}")
-            phase.set_xlabel("rad/s")
-    axes[0, 0].set_ylabel("dB")
-    axes[1, 0].set_ylabel("deg")
-    axes[0, 0].legend()
-    figure.savefig(path, dpi=110)
-
-
-def main(count: int = 4, figure: str = "") -> None:
-    """Fly, identify, print the tables, and draw the figure if it has a name."""
-    still = hs.load(VEHICLE)
+def main(count: int = 4) -> None:
     moving = hs.load(VEHICLE, parameters={"main_rotor.inflow": "pitt-peters"})
     recorder = Recorder.of(moving)
     flights = {axis: hs.fly(moving, sweep, count=count, seed=1) for axis, sweep in SWEEPS.items()}
@@ -203,9 +173,7 @@ def main(count: int = 4, figure: str = "") -> None:
     lag = moving.servo_delay("lat") - 0.5 * moving.parameters["gyro.period"]
     known_lag = {**true, "tau_lat": lag, "tau_lon": lag}
     print(table("hover", hover_fits(moving, true), known_lag), end="\n\n")
-    if figure:
-        draw(figure, still, moving)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if sys.argv[1:] else 4, sys.argv[2] if sys.argv[2:] else "")
+    main(int(sys.argv[1]) if sys.argv[1:] else 4)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from played_autopilot import PlayedAutopilot
 
-from helisim.sitl import Aircraft, Backend, Link, Sensed
+from helisim.sitl import Aircraft, Link, Sensed, serve
 from helisim.sitl.process import Autopilot
 
 
@@ -33,13 +33,11 @@ class BadWay:
     share: float
     seed: int = 1
     kinds: tuple = ("lost", "doubled", "cut")
-    front: socket.socket | None = None
     did: Counter = field(default_factory=Counter)
 
     def __post_init__(self):
-        if self.front is None:
-            self.front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self.front.bind(("127.0.0.1", 0))
+        self.front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.front.bind(("127.0.0.1", 0))
         self._back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.port = self.front.getsockname()[1]
         self._random, self._stop = random.Random(self.seed), threading.Event()
@@ -84,14 +82,12 @@ class Notes(Link):
         super().__init__(0, **options)
         self.answers, self._count = {}, None
 
-    def waiting(self):
-        """Return the next frame that is here, and note its count."""
-        frame = super().waiting()
+    def receive(self, timeout=None, **more):
+        frame = super().receive(timeout, **more)
         self._count = self._count if frame is None else frame.count
         return frame
 
     def answer(self, line):
-        """Send an answer, and note it."""
         self.answers.setdefault(self._count, set()).add(line)
         super().answer(line)
 
@@ -104,18 +100,10 @@ class Counting:
     def __init__(self):
         self.time = 0.0
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
     def reset(self):
-        """Begin at time 0."""
         self.time = 0.0
 
     def step(self, pulses):
-        """Fly a frame, which takes a while; what is sensed tells its time and its first pulse."""
         time.sleep(1e-4)
         self.time += 1e-3
         still = np.zeros(3)
@@ -135,7 +123,6 @@ class Proof:
 
     @property
     def faults(self):
-        """What is wrong, in words."""
         rising = all(a < b for a, b in zip(self.flown, self.flown[1:]))
         found = {
             "a frame was flown twice, or out of order": not rising,
@@ -165,7 +152,6 @@ _HEALED = 20
 
 
 def _longest(flags):
-    """Return how many in a row are true at most."""
     longest = row = 0
     for flag in flags:
         row = row + 1 if flag else 0
@@ -174,7 +160,6 @@ def _longest(flags):
 
 
 def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
-    """Fly a number of frames over a `BadWay` and return the `Proof`."""
     flown, count_at, read_at, over = [], {}, [], []
 
     def on_frame(frame, sensed):
@@ -183,8 +168,8 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
         return bool(over)
 
     with Notes() as link, BadWay(link.port, **{"share": 0.01, **way}) as bad_way:
-        backend = Backend(aircraft or Counting(), link, on_frame=on_frame)
-        thread = threading.Thread(target=backend.run)
+        flight = {"aircraft": aircraft or Counting(), "link": link, "on_frame": on_frame}
+        thread = threading.Thread(target=serve, kwargs=flight)
         thread.start()
         autopilot = PlayedAutopilot(bad_way.port, resend=resend)
         while autopilot.count < frames:
@@ -199,11 +184,10 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
         autopilot.close()
     behind = np.array([count - count_at[at] for count, at in read_at])
     most = max(map(len, link.answers.values()))
-    return Proof(backend.served, bad_way.did, flown, most, behind)
+    return Proof(link.served, bad_way.did, flown, most, behind)
 
 
 def prove_real(frames, program, *, parameters="", aircraft=None, **way):
-    """Let ArduPilot's program stand about for a number of frames over a `BadWay`."""
     flown = []
 
     def on_frame(frame, _sensed):
@@ -211,10 +195,12 @@ def prove_real(frames, program, *, parameters="", aircraft=None, **way):
         return len(flown) >= frames
 
     options = {"share": 0.01, **way}
-    with Autopilot(Path(program).absolute(), parameters) as autopilot, Notes() as link:
-        front = autopilot.frames.dup()
-        with BadWay(link.port, front=front, **options) as bad_way, aircraft or Aircraft() as flies:
-            served = Backend(flies, link, on_frame=on_frame).run()
+    with (
+        Notes() as link,
+        BadWay(link.port, **options) as bad_way,
+        Autopilot(Path(program).absolute(), parameters, bad_way.port),
+    ):
+        served = serve(aircraft or Aircraft(), link, on_frame=on_frame)
     most = max(map(len, link.answers.values()))
     return Proof(served, bad_way.did, flown, most, np.zeros(0))
 

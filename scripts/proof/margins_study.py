@@ -11,14 +11,15 @@ intervals as wide as the figures scatter: "stated" is the standard deviation tha
 import sys
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 import helisim as hs
 from helisim.design.exact import exact_loop, hands_off
-from helisim.design.proof import SWEEPS, sweep
-from helisim.handling.measured.interval import Asked
+from helisim.design.proof import SWEEPS, TRIM_TIME, sweep
+from helisim.handling.measured.interval import figures_of
 from helisim.vehicle import Vehicle
 
 WANTED = 0.94
@@ -40,15 +41,14 @@ class Covered(NamedTuple):
 
     @property
     def share(self) -> float:
-        """In how many of the replicates the interval held the exact value."""
         return float(np.mean((self.low <= self.exact) & (self.exact <= self.high)))
 
 
 def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.MeasuredMargins]:
-    """Fly all sweeps for each replicate and measure the loops."""
     flown = hands_off(vehicle)
     loop = exact_loop(flown)
-    made = [sweep(kind, loop, flown, period=period) for kind in SWEEPS]
+    times = {"period": period, "duration": period + 2.0 * TRIM_TIME}
+    made = [sweep(replace(wave, **times), loop, flown) for wave in SWEEPS.values()]
     calm = {"pilot": hs.Pilot(remnant=0.0), "weather": hs.Weather(turbulence="light")}
     plans = [
         hs.FlightPlan(excitation=one, recorder=hs.Recorder.of(vehicle), **calm) for one in made
@@ -66,7 +66,6 @@ def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.Me
 
 
 def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, Covered]:
-    """Return each figure, by name, axis and place, with its intervals over the replicates."""
     exact = exact_loop(hands_off(vehicle), _FINE)
     found: dict[Key, list[tuple[float, float, float]]] = {}
     for one in measured(vehicle, replicates, period):
@@ -76,13 +75,12 @@ def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, 
             found.setdefault(key, []).append((each.value, each.low, each.high))
     result = {}
     for (name, axis, at), rows in found.items():
-        truth = Asked(_KINDS.get(name, "broken"), axis, at)(exact)[name]
+        truth = figures_of(exact, _KINDS.get(name, "broken"), axis, at)[name]
         result[name, axis, at] = Covered(truth, *np.array(rows).T)
     return result
 
 
 def table(found: dict[Key, Covered], replicates: int) -> None:
-    """Print a line a figure; a star where less than wanted is covered."""
     print(f"{replicates} replicates; covered of those that had the figure")
     headings = ("exact", "bias", "scatter", "stated", "covered %", "had %")
     print(f"{'figure':<13}{'axis':<5}{'at':<10}" + "".join(f"{one:>10}" for one in headings))
@@ -100,7 +98,6 @@ def table(found: dict[Key, Covered], replicates: int) -> None:
 
 
 def main(replicates: str = "200", period: str = "60") -> None:
-    """Print the study."""
     found = study(hs.load("jr700"), int(replicates), float(period))
     table(found, int(replicates))
 

@@ -27,12 +27,6 @@ FIELDS = (
     ("", "position", "vector", True),
     ("", "quaternion", "quaternion", False),
     ("", "velocity", "vector", True),
-    ("", "rng_1", "number", False),
-    ("windvane", "direction", "number", False),
-    ("windvane", "speed", "number", False),
-    ("", "airspeed", "number", False),
-    ("", "velocity_wind", "vector", False),
-    ("", "no_time_sync", "number", False),
 )
 """Section, name, what it is, and whether an answer without it is of no use."""
 
@@ -49,26 +43,21 @@ class PlayedAutopilot:
         self.count = self.resent = self.unread = self.resets = 0
 
     def close(self):
-        """Send and hear nothing more."""
         self._socket.close()
 
     def packet(self, pulses):
-        """Return the packet of the present frame."""
         all_pulses = [*pulses, *[1500] * (self._channels - len(pulses))]
         return struct.pack(f"<HHI{self._channels}H", self._magic, 1200, self.count, *all_pulses)
 
     def send(self, pulses=()):
-        """Send the present frame."""
         self._socket.sendto(self.packet(pulses), self._to)
 
     def receive(self, patience=10.0):
-        """Return the bytes of an answer. Raises TimeoutError."""
         if not select.select([self._socket], [], [], patience)[0]:
             raise TimeoutError(f"no answer to frame {self.count}")
         return self._socket.recv(65000)
 
     def frame(self, pulses=(), *, patience=20.0):
-        """Send a frame, wait for an answer, and return its fields; None if it can't be read."""
         self.send(pulses)
         end = time.monotonic() + patience
         while not select.select([self._socket], [], [], self._resend)[0]:

@@ -27,7 +27,6 @@ HEAD = (
 
 
 def row(aircraft: Aircraft, seed: int, one: Recovery) -> str:
-    """Return one replicate's line."""
     name = one.worst
     truth, found = aircraft.truth[name], one.fit[name]
     size = 100.0 / abs(truth)
@@ -39,8 +38,7 @@ def row(aircraft: Aircraft, seed: int, one: Recovery) -> str:
     )
 
 
-def study(aircraft: Aircraft, seeds: int, estimator: str | None) -> bool:
-    """Print the replicates of an aircraft and their sum; return whether the bar is met."""
+def study(aircraft: Aircraft, seeds: int, estimator: str) -> bool:
     found = []
     for seed in range(seeds):
         found.append(recover(aircraft, seed, estimator))
@@ -57,8 +55,7 @@ def study(aircraft: Aircraft, seeds: int, estimator: str | None) -> bool:
     return whole == seeds and share >= 0.99
 
 
-def main(seeds: str = "20", names: str = ",".join(FLEET), estimator: str | None = None) -> int:
-    """Print the study; return 1 where the bar is missed."""
+def main(seeds: str = "20", names: str = ",".join(FLEET), estimator: str = "local") -> int:
     print(HEAD)
     met = [study(FLEET[name](), int(seeds), estimator) for name in names.split(",")]
     return 0 if all(met) else 1

@@ -18,10 +18,9 @@ from helisim.design.plant import Plant as Plant
 from helisim.design.proof import ProofPlan as ProofPlan
 from helisim.design.proof import prove as prove
 from helisim.hand import HandFlight as HandFlight
-from helisim.hand import StickFeel as StickFeel
 from helisim.hand.window import fly_by_hand as fly_by_hand
 from helisim.handling import criteria as criteria
-from helisim.handling.criterion import Froude as Froude
+from helisim.handling.criterion import froude_scale as froude_scale
 from helisim.handling.measured.margins import Cut as Cut
 from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
 from helisim.handling.measured.margins import margins as margins
@@ -41,8 +40,6 @@ from helisim.ident import frequency_response as frequency_response
 from helisim.ident import identify as identify
 from helisim.ident import in_series as in_series
 from helisim.ident import load_fit as load_fit
-from helisim.ident import load_response as load_response
-from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
@@ -55,13 +52,12 @@ from helisim.logs.examples import open_example as open_example
 from helisim.look import look as look
 from helisim.look.systemid import infer as infer
 from helisim.physics.gyro import Seen as Seen
-from helisim.physics.native import check_model as check_model
+from helisim.physics.memory import check_model as check_model
 from helisim.physics.native import installed as installed
 from helisim.records.record import FlightRecord as FlightRecord
 from helisim.records.storage import read_record as read_record
 from helisim.records.storage import write_record as write_record
 from helisim.sim import Chirp as Chirp
-from helisim.sim import ClockDrift as ClockDrift
 from helisim.sim import Deck as Deck
 from helisim.sim import Doublet as Doublet
 from helisim.sim import Excitation as Excitation
@@ -69,10 +65,7 @@ from helisim.sim import FlightEnvelope as FlightEnvelope
 from helisim.sim import FlightPlan as FlightPlan
 from helisim.sim import Ground as Ground
 from helisim.sim import Gust as Gust
-from helisim.sim import GyroDropout as GyroDropout
-from helisim.sim import GyroRestart as GyroRestart
 from helisim.sim import History as History
-from helisim.sim import Manoeuvre as Manoeuvre
 from helisim.sim import Mission as Mission
 from helisim.sim import Multisine as Multisine
 from helisim.sim import Pilot as Pilot
@@ -80,11 +73,8 @@ from helisim.sim import Pulse as Pulse
 from helisim.sim import Recorder as Recorder
 from helisim.sim import RecordGap as RecordGap
 from helisim.sim import SampleLoss as SampleLoss
-from helisim.sim import SensorDropout as SensorDropout
-from helisim.sim import SensorSpikes as SensorSpikes
 from helisim.sim import Sequence as Sequence
 from helisim.sim import ServoStuck as ServoStuck
-from helisim.sim import ServoWeak as ServoWeak
 from helisim.sim import Step as Step
 from helisim.sim import Sweep as Sweep
 from helisim.sim import Swing as Swing
@@ -104,11 +94,10 @@ from helisim.study.experiment import reproduce as reproduce
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.tune import autopilot_parameters as autopilot_parameters
 from helisim.vehicle import Controller as Controller
-from helisim.vehicle import GyroSettings as GyroSettings
 from helisim.vehicle import Vehicle as Vehicle
 from helisim.vehicle import load as load
 from helisim.vehicle import set_controller as set_controller
-from helisim.vehicle.folder import model_folder as model_folder
+from helisim.vehicle.parameters import model_folder as model_folder
 
 __version__: str
 SHOWN_BY: str

@@ -124,38 +124,23 @@ def test_it_comes_back_from_files(plan, way):
     assert "later" not in data
 
 
-def test_a_repr_leaves_defaults_out():
-    """As one would write it."""
-    assert settings.in_brief(Plan(count=4)) == "Plan(count=4)"
-
-
 REFUSED = [
     ({"number": -1}, "plan.number must be a number 0 or more and below 10, got -1"),
-    ({"number": True}, "plan.number must be a number 0 or more and below 10, got True"),
-    ({"number": math.nan}, "finite"),
     ({"number": math.inf}, "finite"),
     ({"number": 10**400}, "finite"),
     ({"number": "2"}, "got '2'"),
-    ({"number": {}}, "got {}"),
-    ({"bound": math.nan}, "bound"),
     ({"count": 3.0}, "plan.count must be an integer 1 or more and at most 5, got 3.0"),
-    ({"count": True}, "integer"),
     ({"count": 10**30}, "integer"),
     ({"flag": 1}, "true or false"),
     ({"level": "ligth"}, "did you mean light?"),
     ({"level": 51.0}, "at most 50"),
     ({"word": "c"}, "available: a, b"),
-    ({"pair": [1.0]}, "plan.pair must be a list of 2 numbers, got [1.0]"),
     ({"pair": [1.0, math.nan]}, "plan.pair[1]"),
-    ({"names": "pq"}, "a list of names"),
     ({"names": [1]}, "plan.names[0] must be text, got 1"),
     ({"noise": {"p": -1.0}}, "plan.noise.p must be a number 0 or more"),
-    ({"noise": 3}, "a table"),
     ({"gust": {"rise": 0}}, "plan.gust.rise must be a number above 0 s, got 0"),
     ({"gust": {"riser": 1}}, "unknown setting of plan.gust 'riser'"),
-    ({"gust": 3}, "plan.gust must be a table (Gust), got 3"),
     ({"part": {"at": 1}}, "plan.part must be a table with a kind, one of Step, Both"),
-    ({"part": {"kind": {}}}, "unknown kind of plan.part {}"),
     ({"part": {"kind": "Stp"}}, "did you mean Step?"),
     ({"parts": [{"kind": "Both", "parts": [{"kind": "Step", "at": -1}]}]},
      "plan.parts[0].parts[0].at must be a number 0 or more s, got -1"),
@@ -194,8 +179,10 @@ def test_numpy_becomes_pythons_own():
 
 
 def test_what_another_version_wrote_is_passed_over():
-    """Where the reader is lenient, infinite numbers too."""
+    """Where the reader is lenient; it takes no other numbers, and an infinite one as ever."""
     assert from_plain(Plan, {"new": 1, "bound": "-inf"}, "plan", lenient=True).bound == -math.inf
+    with pytest.raises(InputError, match=r"plan\.number must be a finite number.*, got inf"):
+        from_plain(Plan, {"new": 1, "number": math.inf}, "plan", lenient=True)
 
 
 def test_what_an_object_refuses_has_the_place():
@@ -227,9 +214,10 @@ class Curve(Value):
 
 def test_arrays_come_back_read_only():
     """Complex ones as real and imaginary parts."""
-    curve = Curve([0.0, 1.0], np.array([1.0 + 2.0j, 3.0]))
+    curve = Curve([0.0, 1.0], np.array([1.0 + 2.0j, complex(-0.0, -0.0)]))
     again = from_plain(Curve, json.loads(json.dumps(to_plain(curve))), "curve")
     assert again == curve
+    assert np.signbit([again.gain[1].real, again.gain[1].imag]).all()
     assert not again.time.flags.writeable
 
 

@@ -1,32 +1,35 @@
-"""`helisim ardupilot`: identified models as the JSON of ArduPilot's state-space helicopter."""
+"""`helisim ardupilot` and `helisim parm`: what ArduPilot reads of a model and of a vehicle."""
+
+import json
 
 import pytest
 
-import helisim as hs
 from exact_fits import found
 from helisim import ident
 from helisim.cli import main
+from parm_file import parm_file
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    """A yaw model as `helisim identify --json` writes it."""
-    path = tmp_path_factory.mktemp("models") / "yaw.json"
-    found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(path)
-    return path
-
-
-def test_it_writes_and_shows_the_file(model, tmp_path, capsys):
+def test_it_writes_the_file(tmp_path, capsys):
     """Half the pedal's travel is ArduPilot's 1, and the recorder's latency is none of the delay."""
-    out = tmp_path / "heli.json"
-    words = ["--rpm", "1700", "--late", "r=0.0405", "--set", "Nv=1.7", "--out", str(out)]
+    model, out = tmp_path / "yaw.json", tmp_path / "heli.json"
+    found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(model)
+    words = ["--rpm", "1700", "--late", "r=0.0405", "--out", str(out)]
     assert main(["ardupilot", str(model), *words]) == 0
     text = capsys.readouterr().out
+    assert "Nped            30" in text
     assert f"Written: {out}" in text
-    values = hs.ArduPilotModel.read(out).values
+    values = json.loads(out.read_text(encoding="utf-8"))
     assert values["Nped"] == pytest.approx(30.0)
     assert values["time_delay_ped"] == 10.0
-    assert (values["Nr"], values["Nv"]) == (pytest.approx(-2.0), 1.7)
     assert values["nominal_rpm"] == pytest.approx(1700.0)
-    assert main(["ardupilot", str(out)]) == 0
-    assert "Nped            30" in capsys.readouterr().out
+
+
+def test_it_prints_the_derivation_and_writes_the_file(tmp_path, capsys):
+    """What is printed is the file; each gain says what it follows from."""
+    path = tmp_path / "jr700.parm"
+    assert main(["parm", "jr700", "--out", str(path), "--quiet"]) == 0
+    shown = capsys.readouterr().out
+    assert shown == path.read_text()
+    assert "the command that holds 1 rad/s of p" in shown
+    assert parm_file(path)["FRAME_CLASS"] == 6.0

@@ -49,19 +49,12 @@ def test_a_law_of_the_current_folder_flies(folder):
 
 @pytest.mark.parametrize("word", ["laws/of_a_file.py:tail", "./laws/of_a_file:tail"])
 def test_a_law_of_a_file_flies(folder, monkeypatch, word):
-    """By the path of the file, with its ending or without."""
     monkeypatch.delitem(sys.modules, "of_a_file", raising=False)
     (folder / "laws").mkdir()
     (folder / "laws" / "of_a_file.py").write_text(LAWS)
     assert main([*FLY, "--controller", word]) == 0
     law = hs.read_record(folder / "ped.parquet").provenance["controller"]["tail"]["law"]
     assert law == "of_a_file:yaw"
-
-
-def test_none_is_no_controller(folder):
-    """The servos stay at the trim."""
-    assert main([*FLY, "--controller", "none"]) == 0
-    assert np.ptp(hs.read_record(folder / "ped.parquet")["servo_tail"]) < 1e-3  # its resolution
 
 
 def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
@@ -71,13 +64,3 @@ def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
     assert 'File "laws_of_the_folder.py", line 13, in breaks' in said[1]
     assert said[-1].startswith("helisim fly: controller 'breaks' raised ValueError: no fuel at 1.0")
     assert hs.read_record(folder / "ped.parquet").ended
-
-
-@pytest.mark.usefixtures("folder")
-def test_the_linear_model_is_that_of_the_law(capsys):
-    """Its state is among the model's."""
-    words = ["linearize", "--inputs", "IN2", "--json"]
-    assert main([*words, "--controller", "laws_of_the_folder:tail"]) == 0
-    assert '"law_6"' in capsys.readouterr().out
-    assert main(words) == 0
-    assert '"gyro_r_integral"' in capsys.readouterr().out

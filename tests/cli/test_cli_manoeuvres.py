@@ -1,24 +1,12 @@
-"""Manoeuvres on the command line: kinds and settings, files, functions, several at once."""
+"""Manoeuvres, missions and grounds on the command line: kinds and settings, and plans."""
 
 import tomllib
 
-import numpy as np
 import pytest
 
 from helisim.cli import main
 from helisim.records.storage import read_record
-from helisim.sim import (
-    Chirp,
-    FlightPlan,
-    History,
-    Multisine,
-    Pulse,
-    Sequence,
-    Step,
-    Together,
-    fly,
-)
-from helisim.sim.excitation import EXCITATIONS
+from helisim.sim import Chirp, Deck, FlightPlan, Ground, Swing
 
 
 @pytest.fixture
@@ -35,39 +23,13 @@ def planned(capsys, tmp_path, monkeypatch):
 
 def test_settings_are_numbers_lists_and_texts(planned):
     """As the classes have them; a list's numbers are joined by colons."""
-    wanted = Chirp(axis="ped", amplitude=0.02, band=(1.0, 30.0), spacing="linear", at="actuators")
-    asked = "chirp,axis=ped,amplitude=0.02,band=1:30,spacing=linear,at=actuators"
+    wanted = Chirp(axis="ped", amplitude=0.02, band=(1.0, 30.0), at="actuators")
+    asked = "chirp,axis=ped,amplitude=0.02,band=1:30,at=actuators"
     assert planned("--excitation", asked) == wanted
     general = ["--axis", "ped", "--amplitude", "0.02", "--at", "actuators"]
-    assert planned("--excitation", "chirp,band=1:30,spacing=linear", *general) == wanted
+    assert planned("--excitation", "chirp,band=1:30", *general) == wanted
     given = planned("--excitation", "multisine,axis=lat+ped,amplitude=0.05:0.01,period=10")
     assert (given.axis, given.amplitude, given.period) == ("lat+ped", (0.05, 0.01), 10.0)
-
-
-def test_a_multisine_alone_is_on_all_axes(planned, jr700):
-    """No --axis is needed; bands and amplitudes are the vehicle's own."""
-    asked = planned("--excitation", "multisine,period=20", "--duration", "46")
-    assert asked == Multisine(period=20.0, duration=46.0).on(jr700.parameters)
-
-
-def test_several_are_together_or_in_sequence(planned):
-    """--excitation given again; what the parts don't say are the general options."""
-    parts = (Step(axis="lat", amplitude=0.02), Pulse(axis="r", at="sensors", amplitude=0.1))
-    asked = [
-        "--excitation", "step,axis=lat", "--excitation", "pulse,axis=r,at=sensors,amplitude=0.1",
-        "--amplitude", "0.02",
-    ]  # fmt: skip
-    assert planned(*asked) == Together(parts=parts)
-    assert planned(*asked, "--sequence") == Sequence(parts=parts)
-    assert planned(*asked, "--sequence", "1.5") == Sequence(parts=parts, pause=1.5)
-
-
-def test_a_sequence_is_in_the_order_of_the_command_line(planned, tmp_path):
-    """Files and kinds among one another."""
-    (tmp_path / "steps.csv").write_text("time,LAT\n0,0\n2,0.03\n")
-    asked = ["--excitation", "pulse,axis=lon", "--history", "steps.csv"]
-    made = planned(*asked, "--excitation", "pulse,axis=ped", "--sequence")
-    assert [part.axis for part in made.parts] == ["lon", "lat", "ped"]
 
 
 def test_a_plan_of_a_composite_can_be_flown(planned, tmp_path):
@@ -76,19 +38,11 @@ def test_a_plan_of_a_composite_can_be_flown(planned, tmp_path):
     [excitation]
     kind = "Sequence"
     pause = 0.5
-    [[excitation.parts]]
-    kind = "Together"
-    [[excitation.parts.parts]]
-    kind = "Step"
-    axis = "lat"
-    duration = 3
-    [[excitation.parts.parts]]
-    kind = "Pulse"
-    axis = "ped"
-    duration = 3
-    [[excitation.parts]]
-    kind = "Doublet"
-    axis = "lon"
+    parts = [
+        { kind = "Together", parts = [
+            { kind = "Step", axis = "lat", duration = 3 },
+            { kind = "Pulse", axis = "ped", duration = 3 } ] },
+        { kind = "Doublet", axis = "lon" } ]
     """
     (tmp_path / "plan.toml").write_text(text)
     assert planned("--plan", "plan.toml").duration == 11.5
@@ -96,32 +50,62 @@ def test_a_plan_of_a_composite_can_be_flown(planned, tmp_path):
     assert read_record("flown.parquet").duration == pytest.approx(11.5, abs=0.01)
 
 
-def test_a_file_and_a_function_are_flown(planned, jr700, tmp_path):
-    """As in Python, to the bit; a recording tells what was flown too."""
-    (tmp_path / "steps.csv").write_text("time,LAT,COL\n0,0,9\n2,0.03,9\n3,0,9\n6,0,9\n")
-    wanted = History.read("steps.csv", axis="lat", method="hold")
-    assert planned("--history", "steps.csv,axis=lat,method=hold") == wanted
-    (tmp_path / "own_wave.py").write_text("def nod(t):\n    return 0.03 if 2 <= t < 3 else 0.0\n")
-    out = ["--out", "flown.parquet", "--rerun", "flown.rrd", "--seed", "4", "--quiet"]
-    asked = ["--excitation", "own_wave:nod", "--axis", "lat", "--duration", "6"]
-    assert main(["fly", *asked, *out]) == 0
-    flown = read_record("flown.parquet")
-    expected = fly(jr700, Pulse(axis="lat", amplitude=0.03, width=1.0, duration=6.0), seed=4)[0]
-    # --rerun adds the rotor's channels
-    assert np.array_equal(flown.select(expected.names), expected.select(expected.names))
-    assert flown.provenance["excitation"]["source"] == "nod"
+MINE = """\
+from dataclasses import dataclass
+
+import helisim as hs
 
 
-def test_kinds_are_listed_with_settings_and_defaults(capsys):
-    """Every kind, its first sentence, each setting with its default."""
-    with pytest.raises(SystemExit) as ended:
-        main(["fly", "--kinds"])
-    assert ended.value.code == 0
+@dataclass(frozen=True, kw_only=True)
+class Nod(hs.Mission):
+    duration: float = 5.0
+    north: float = 1.0
+
+    def fly(self, pilot):
+        yield from pilot.go(self.north, 0.0)
+"""
+
+
+def test_a_mission_of_ones_own_is_flown(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_missions.py").write_text(MINE)
+    assert main(["fly", "--mission", "my_missions:Nod,north=0.5", "--out", "a.parquet"]) == 0
+    assert "Reached: up to" in capsys.readouterr().out
+    assert read_record("a.parquet").provenance["mission"]["north"] == 0.5
+
+
+FLY = ["fly", "--excitation", "doublet", "--axis", "ped"]
+SEA = Deck(
+    length=8.0, heave=Swing(amplitude=0.3, period=6.0), roll=Swing(amplitude=0.05, period=8.0)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("flat", Ground()),
+        ("flat,parked", Ground(parked=True)),
+        ("slope=0.1,uphill=1.5", Ground(slope=0.1, uphill=1.5)),
+        ("deck", Ground(deck=Deck())),
+        ("deck,length=8,heave=0.3/6,roll=0.05/8,effect=0.5", Ground(deck=SEA, effect=0.5)),
+        ("width=3", Ground(deck=Deck(width=3.0))),
+    ],
+)
+def test_the_plan_has_the_ground_that_is_asked_for(capsys, tmp_path, text, meant):
+    assert main([*FLY, "--ground", text, "--print-plan"]) == 0
     printed = capsys.readouterr().out
-    for name, kind in EXCITATIONS.items():
-        if kind.__module__.startswith("helisim."):
-            assert f"{name.lower()}: " in printed
-    assert "amplitude=the vehicle's own" in printed
-    assert "spacing=logarithmic" in printed
-    assert "phases=low_peak" in printed
-    assert max(map(len, printed.splitlines())) <= 80
+    assert FlightPlan.from_dict(tomllib.loads(printed)).ground == meant
+    path = tmp_path / "plan.toml"
+    path.write_text(printed)
+    assert main(["fly", "--plan", str(path), "--print-plan"]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_a_flight_is_recorded_over_its_ground(tmp_path, capsys):
+    """It takes off from a deck; the record says from which."""
+    out = tmp_path / "deck.parquet"
+    assert main([*FLY, "--ground", "deck,heave=0.3/6,parked", "--rotor", "--out", str(out)]) == 0
+    record = read_record(out)
+    assert FlightPlan.of_record(record).ground.deck.heave == Swing(amplitude=0.3, period=6.0)
+    assert record["contact"][0] > 70.0
+    assert record.ended == ""

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-import helisim.sitl.aircraft
+import helisim.sitl
 from command import fails
 from helisim.cli import main
 from helisim.records.storage import read_record
@@ -23,28 +23,7 @@ import played_autopilot as played
 @pytest.fixture
 def counting(monkeypatch):
     """Let an aircraft fly that only counts."""
-    monkeypatch.setattr(helisim.sitl.aircraft, "Aircraft", lambda *_, **__: lock_step.Counting())
-
-
-@pytest.fixture
-def blind(monkeypatch):
-    """No display."""
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def taken():
-    """A UDP port that another program listens on."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", 0))
-        yield other.getsockname()[1]
-
-
-def test_a_port_that_is_taken(capsys, taken):
-    said = fails(capsys, "sitl", "--port", taken)
-    assert f"UDP port {taken} of 127.0.0.1 can't be bound" in said
-    assert "--sim-port-out" in said
+    monkeypatch.setattr(helisim.sitl, "Aircraft", lambda *_, **__: lock_step.Counting())
 
 
 def test_no_autopilot(capsys, counting):
@@ -54,13 +33,12 @@ def test_no_autopilot(capsys, counting):
 
 
 def test_another_protocol(capsys, counting, monkeypatch):
-    """What comes before an autopilot does."""
     receive = Link.receive
 
-    def hello(link, timeout=None):
+    def hello(link, *given, **more):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             other.sendto(b"hello", ("127.0.0.1", link.port))
-        return receive(link, timeout)
+        return receive(link, *given, **more)
 
     monkeypatch.setattr(Link, "receive", hello)
     said = fails(capsys, "sitl", "--port", 0, "--quiet")
@@ -82,7 +60,6 @@ def served(frames, *arguments):
 
 
 def test_a_flight_ends_with_a_summary(capsys, counting):
-    """What it listens on and how to start, what comes, and at the end what was flown."""
     status, port = served(50)
     assert status == 0
     printed = capsys.readouterr()
@@ -95,14 +72,14 @@ def test_a_flight_ends_with_a_summary(capsys, counting):
 
 @pytest.mark.parametrize("polite", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_flight_with_its_summary(capsys, counting, monkeypatch, polite):
-    """Ctrl-C, and what other programs send, while it waits for the frame after the last."""
     receive, calls = Link.receive, []
 
-    def ended(link, timeout=None):
-        calls.append(timeout)
+    def ended(link, timeout=None, **more):
+        if timeout is None:
+            calls.append(more)
         if len(calls) > 20:
             signal.raise_signal(polite)
-        return receive(link, timeout)
+        return receive(link, timeout, **more)
 
     monkeypatch.setattr(Link, "receive", ended)
     assert served(20)[0] == 0

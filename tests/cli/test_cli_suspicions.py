@@ -12,13 +12,9 @@ inputs = ["lat"]
 outputs = ["p", "phi"]
 F = [["L_p", 0], [1, 0]]
 G = [["L_lat"], [0]]
-
-[parameters.L_p]
-unit = "1/s"
-start = -3
-[parameters.L_lat]
-unit = "1/s^2"
-start = 50
+[parameters]
+L_p = { unit = "1/s", start = -3 }
+L_lat = { unit = "1/s^2", start = 50 }
 """
 
 
@@ -47,7 +43,6 @@ def test_a_fit_that_fails_is_explained(tmp_path, capsys):
     printed = " ".join(capsys.readouterr().out.split())
     assert "likely causes, by what the data show:" in printed
     assert "with p's column in deg/s, not rad/s: J would be" in printed
-    assert "rad/s, and can reach 40: column 'p [rad/s]' is in deg/s" in printed
     option = ["--channel", "p=p [rad/s]:deg/s"]
     assert "(--channel 'p=p [rad/s]:deg/s')" in printed
     assert main(["identify", str(log), *options, *option]) == 0

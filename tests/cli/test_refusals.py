@@ -7,25 +7,19 @@ import shlex
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import helisim as hs
 from closed_loops import flown, known_loop
 from command import fails
 from exact_fits import found
 from helisim import ident
 from helisim.records.storage import write_record
-from swept_logs import HEAVE, csv_writer
+from swept_logs import csv_writer
 
 CASES = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
 LAWS = "def yaw(seen):\n    return seen.PED\n\nnumber = 3\n"
 SCRIPTS = {
-    "bad.csv": "time,LAT\n0,0\n1,nan\n",
-    "broken.py": "1 / 0\n",
-    "broken_later.py": "def f(t):\n    return 1 / (t - 1)\n",
     "laws_of_the_folder.py": LAWS,
-    "json.py": LAWS,
     "file": "",
     "map.toml": "",
 }
@@ -41,18 +35,8 @@ def folder(tmp_path_factory):
     write = csv_writer(path)
     for name in ("sweep.csv", "log.csv"):
         write(name=name)
-    omega = np.geomspace(1.5, 20.0, 30)
-    exact = HEAVE["Z_col"] / (1j * omega - HEAVE["Z_w"]) * np.exp(-1j * omega * HEAVE["tau_col"])
-    decibel, degrees = 20.0 * np.log10(abs(exact)), np.degrees(np.angle(exact))
-    table = np.column_stack([omega / (2.0 * np.pi), decibel, degrees])
-    for name, head in (("w.txt", "freq_Hz mag_dB phase_deg"), ("other.txt", "f_Hz mag_dB ph_deg")):
-        np.savetxt(path / name, table, header=head)
-    np.savetxt(path / "bare.dat", table)
     found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.05).save(path / "yaw.json")
     write_record(flown(known_loop(), seed=3, noise=0.02), path / "loop.parquet")
-    two = {"a": np.diag([0.9, 1.0]), "b": np.diag([0.1, 0.2])}
-    law = {**two, "c": np.full((4, 2), 0.5), "d": np.zeros((4, 2))}
-    hs.StateSpaceLaw(period=0.004, inputs=("p", "LAT"), **law).write(path / "law.toml")
     return path
 
 
@@ -60,7 +44,7 @@ def folder(tmp_path_factory):
 def test_a_mistake_is_one_line(folder, monkeypatch, capsys, case):
     """Status 2, one line on standard error, nothing printed and nothing written."""
     monkeypatch.chdir(folder)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "HELISIM_ARDUPILOT"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.delitem(sys.modules, "laws_of_the_folder", raising=False)
     before = sorted(folder.iterdir())

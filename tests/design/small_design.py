@@ -1,29 +1,29 @@
-"""A small aircraft and a small law: roll and pitch of a rotor that couples them, as matrices."""
+"""A small aircraft, law and specifications: roll and pitch of a rotor that couples them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from helisim.handling.closed_loop import ClosedLoop
+from helisim.base.linear import LinearSystem
+from helisim.handling.criteria import Criterion, Crossover, Limit, Rating, StabilityMargins
+from helisim.handling.figures import rejection
+from helisim.handling.spec import Spec
 
 Matrix = NDArray[np.float64]
 OUTPUTS = ("p", "q", "phi", "theta")
 _SERVO, _DAMPED, _DELAY = 60.0, 0.7, 0.012
+PERIOD = 0.0002
+"""s, of ticks at which it is nearly continuous."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmallPlant:
-    """Servos, a first-order delay, a disc that follows, rates and angles.
-
-    Attributes:
-        damping: 1/s of roll and pitch.
-        power: rad/s2 per unit of lat and of lon.
-        coupling: 1/s of each by the other's rate.
-    """
+    """Servos, a delay, a disc that follows, rates and angles; 1/s, rad/s^2 a unit, 1/s."""
 
     damping: tuple[float, float] = (14.0, 7.0)
     power: tuple[float, float] = (120.0, 70.0)
@@ -48,81 +48,73 @@ class SmallPlant:
             a[8 + k, 6 + k] = 1.0
         return a, b, np.eye(10)[6:]
 
+    @cached_property
+    def continuous(self) -> LinearSystem:
+        """It before it is sampled."""
+        return LinearSystem(*self.matrices, np.zeros((4, 2)), None, self.inputs, OUTPUTS)
+
     def response(self, frequency: Matrix) -> NDArray[np.complex128]:
-        """Return C (jw - A)^-1 B."""
-        a, b, c = self.matrices
-        point = 1j * frequency[:, None, None] * np.eye(10)
-        return np.moveaxis(c @ np.linalg.solve(point - a, b), 0, -1)
+        return self.continuous.response(frequency)
+
+    @cached_property
+    def sampled(self) -> LinearSystem:
+        return self.continuous.discretise(PERIOD)
 
     def draws(self, count: int, *, seed: int) -> "tuple[SmallPlant, ...]":
         """Return plants whose numbers err by 3 %."""
         rng = np.random.default_rng(seed)
         off = 1.0 + 0.03 * rng.standard_normal((count, 5))
         return tuple(
-            SmallPlant(
-                (self.damping[0] * one[0], self.damping[1] * one[1]),
-                (self.power[0] * one[2], self.power[1] * one[3]),
-                self.coupling * one[4],
-            )
+            SmallPlant(self.damping * one[:2], self.power * one[2:4], self.coupling * one[4])
             for one in off
         )
+
+
+START = {"lat.k_angle": 0.1, "lat.k_rate": 0.02, "lon.k_angle": 0.1, "lon.k_rate": 0.02}
 
 
 @dataclass(frozen=True)
 class SmallLaw:
     """Angle and rate to lat and lon, each by a gain."""
 
-    gains: Mapping[str, float] = field(
-        default_factory=lambda: {
-            "lat.k_angle": 0.1,
-            "lat.k_rate": 0.02,
-            "lon.k_angle": 0.1,
-            "lon.k_rate": 0.02,
-        }
-    )
+    gains: Mapping[str, float] = field(default_factory=lambda: START)
 
     def parameters(self) -> dict[str, float]:
-        """Return the gains."""
         return dict(self.gains)
 
     def replace(self, changes: Mapping[str, float]) -> "SmallLaw":
-        """Return it with other gains."""
         return replace(self, gains={**self.gains, **changes})
 
-    def linear(self, period: float) -> "SmallLinear":
+    def linear(self, period: float) -> LinearSystem:
         """Return what it does, at any period."""
-        return SmallLinear(self.gains)
+        g, none = self.gains, (np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((2, 0)))
+        matrix = [
+            [-g["lat.k_rate"], 0.0, -g["lat.k_angle"], 0.0, g["lat.k_angle"], 0.0],
+            [0.0, -g["lon.k_rate"], 0.0, -g["lon.k_angle"], 0.0, g["lon.k_angle"]],
+        ]
+        return LinearSystem(*none, matrix, PERIOD, (*OUTPUTS, "LAT", "LON"), ("lat", "lon"))
 
 
-@dataclass(frozen=True)
-class SmallLinear:
-    """Gains as responses."""
+@dataclass(frozen=True, kw_only=True)
+class Rejects(Criterion):
+    """Bandwidth of disturbance rejection alone."""
 
-    gains: Mapping[str, float]
-    inputs = (*OUTPUTS, "LAT", "LON")
-    outputs = ("lat", "lon")
+    bandwidth: Limit
+    name: ClassVar[str] = "rejects"
+    units: ClassVar[dict[str, str]] = {"bandwidth": "rad/s"}
+    borders: ClassVar[dict[str, tuple[str, int]]] = {"bandwidth": ("bandwidth", 0)}
 
-    @property
-    def matrix(self) -> Matrix:
-        """(2, 6)."""
-        g = self.gains
-        return np.array(
-            [
-                [-g["lat.k_rate"], 0.0, -g["lat.k_angle"], 0.0, g["lat.k_angle"], 0.0],
-                [0.0, -g["lon.k_rate"], 0.0, -g["lon.k_angle"], 0.0, g["lon.k_angle"]],
-            ]
-        )
-
-    def response(self, frequency: Matrix) -> NDArray[np.complex128]:
-        """Return the gains, (2, 6, n_freq)."""
-        return np.repeat(self.matrix[:, :, None], frequency.size, axis=2).astype(np.complex128)
+    def rate(self, loop) -> Rating:
+        """Return the bandwidth."""
+        return self.rated({"bandwidth": rejection(loop.disturbance(self.axis)).bandwidth})
 
 
-class SmallLoop(ClosedLoop):
-    """With the poles of A + B K C."""
-
-    @cached_property
-    def poles(self) -> NDArray[np.complex128]:
-        """(10,) rad/s."""
-        a, b, c = self.plant.matrices
-        return np.linalg.eigvals(a + b @ self.law.matrix[:, :4] @ c).astype(np.complex128)
+def small_specs(*, lat: float = 16.0, lon: float = 11.0) -> tuple[Spec, ...]:
+    """Return margins, least bandwidths of rejection in roll and pitch, rad/s, least crossover."""
+    wanted = {"lat": Limit(lat, 0.5 * lat), "lon": Limit(lon, 0.5 * lon)}
+    least = Limit(20.0, 40.0)
+    return (
+        *(Spec(StabilityMargins(axis=axis), "hard") for axis in wanted),
+        *(Spec(Rejects(axis=axis, bandwidth=limit), "soft") for axis, limit in wanted.items()),
+        *(Spec(Crossover(axis=axis, frequency=least), "objective") for axis in wanted),
+    )

@@ -1,14 +1,11 @@
-"""The exact loop: as `Vehicle.loop`, as the vehicle flies, and over the air that it meets."""
+"""The exact loop: as `Vehicle.loop`, as the vehicle flies, and in the air that it meets."""
 
 import numpy as np
 import pytest
 
-import helisim as hs
-from helisim.base.errors import InputError
-from helisim.design.exact import MeanLoop, exact_loop, exact_over, hands_off
-from helisim.handling.figures import margins, rejection
-from helisim.handling.loop import NoResponse
-from helisim.sim import FlightPlan, Pilot, Step, simulate
+from helisim.design.exact import air_met, exact_loop, hands_off
+from helisim.physics.motion import flip
+from helisim.sim import FlightPlan, Pilot, Step, Weather, simulate
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +42,6 @@ def test_commands_poles_and_steps_are_the_closed_systems(jr700, exact):
 
 
 def test_a_step_is_what_flies(jr700, exact):
-    """A small step of the stick moves the nonlinear vehicle as the exact loop says."""
     step = Step(axis="ped", amplitude=0.002, trim_time=0.1, duration=1.0)
     plan = FlightPlan(excitation=step, pilot=Pilot(remnant=0.0))
     flown = next(simulate(hands_off(jr700), plan, jobs=1))
@@ -56,72 +52,25 @@ def test_a_step_is_what_flies(jr700, exact):
     assert found.signals["r"] == pytest.approx(rate, abs=0.01 * np.abs(rate).max())
 
 
-def test_the_shipped_gyros_figures(exact):
-    """Margins and rejection of the gyro as they were computed before, by cutting the system."""
-    found = {axis: margins(exact.broken(axis)) for axis in ("lat", "lon", "ped")}
-    phases = {axis: np.degrees(one.least_phase) for axis, one in found.items()}
-    assert phases == pytest.approx({"lat": 72.1, "lon": 107.3, "ped": 51.6}, abs=0.1)
-    assert found["lat"].least_gain == pytest.approx(17.8, abs=0.05)
-    bandwidths = [rejection(exact.disturbance(axis)).bandwidth for axis in ("lat", "lon", "ped")]
-    assert bandwidths == pytest.approx([9.91, 20.9, 15.8], rel=0.005)
+def test_calm_air_is_met_as_it_is(jr700):
+    """One wind, which blows all the time: the steady one."""
+    ((share, there),) = air_met(jr700, Weather())
+    assert (share, there) == (1.0, jr700)
+    ((share, there),) = air_met(jr700, Weather(wind=3.0))
+    assert share == 1.0
+    assert there.derivatives["Z_w"] == jr700.trimmed(wind=(-3.0, 0.0, 0.0)).derivatives["Z_w"]
 
 
-def test_what_is_added_elsewhere_is_refused(exact):
-    """A place that sweeps don't know."""
-    with pytest.raises(InputError, match="add at actuators, sensors or sticks, not at 'servos'"):
-        exact.reached("servos", "lat")
-
-
-def test_hands_off_changes_the_pilot_alone(jr700):
-    """The same trim and linear model; no stick answers the motion."""
-    free = hands_off(jr700)
-    assert free.trim == jr700.trim
-    assert free.parameters["pilot.k_attitude"] == 0.0
-    plan = FlightPlan(
-        excitation=Step(axis="lat", amplitude=0.02, trim_time=0.1, duration=1.0),
-        pilot=Pilot(remnant=0.0),
-    )
-    flown = next(simulate(free, plan, jobs=1))
-    assert np.ptp(flown.sticks[:, [1, 3]], axis=0).max() == 0.0
-    assert np.ptp(next(simulate(jr700, plan, jobs=1)).sticks[:, 1]) > 0.0
-
-
-GRID = np.geomspace(1.0, 100.0, 20)
-SAME = 1e-9
-"""Rounding of some hundred products of numbers of order one, and of solving for a trim."""
-
-
-def test_in_calm_air_it_is_the_exact_loop(jr700):
-    """There is one air to meet."""
-    found = exact_over(jr700, hs.Weather(), GRID).broken("ped")
-    np.testing.assert_allclose(
-        found.response, exact_loop(jr700, GRID).broken("ped").response, rtol=SAME
-    )
-
-
-def test_in_a_steady_wind_it_is_that_of_the_trim_there(jr700):
-    """As of the vehicle that is trimmed in it, which isn't the hover's."""
-    weather = hs.Weather(wind=4.0)
-    found = exact_over(jr700, weather, GRID).command("lat").response
-    there = exact_loop(weather.trimmed(jr700), GRID).command("lat").response
-    np.testing.assert_allclose(found, there, rtol=SAME)
-    still = exact_loop(jr700, GRID).command("lat").response
-    assert np.max(np.abs(found / still - 1.0)) > 1e6 * SAME
-
-
-def test_sensitivities_are_averaged_not_loops(jr700):
-    """An estimate averages what reaches the actuator, in each half of a flight alike."""
-    one = exact_loop(jr700, GRID)
-    other = exact_loop(jr700.with_settings({"gyro.k_p": 1.5}), GRID)
-    mean = MeanLoop(((0.5, one), (0.5, other))).broken("ped").response
-    each = [1.0 / (1.0 + half.broken("ped").response) for half in (one, other)]
-    np.testing.assert_allclose(1.0 / (1.0 + mean), np.mean(each, axis=0), rtol=SAME)
-    loops = np.mean([half.broken("ped").response for half in (one, other)], axis=0)
-    assert np.max(np.abs(mean / loops - 1.0)) > 0.001
-
-
-def test_a_mean_has_no_poles(jr700):
-    """Who asks is told so."""
-    one = exact_loop(jr700, GRID)
-    with pytest.raises(NoResponse, match="no poles"):
-        _ = MeanLoop(((1.0, one),)).poles
+def test_gusts_lie_along_the_path_through_the_air(jr700):
+    """A rms of its own along the path is from the side where the wind comes from there."""
+    rms = (2.0, 0.1, 0.1)
+    weather = Weather(wind=1.0, wind_from=np.pi / 2, rms=rms)
+    air = air_met(jr700, weather, points=(3, 3, 3))
+    assert sum(share for share, _ in air) == pytest.approx(1.0, rel=1e-12)
+    winds = np.array([flip(*there.model.opt.wind) for _, there in air])
+    shares = np.array([share for share, _ in air])
+    mean = shares @ winds
+    assert mean == pytest.approx([0.0, -1.0, 0.0], abs=1e-12)
+    spread = np.sqrt(shares @ (winds - mean) ** 2)
+    # the quadrature has the variance of the normal distribution, and the path points east
+    assert spread == pytest.approx([0.1, 2.0, 0.1], rel=1e-9)

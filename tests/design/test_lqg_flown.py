@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from exact_fits import OMEGA, found
+from exact_fits import OMEGA, ROLL, ROLLPITCH, found
 from helisim import ident
-from helisim.base.errors import UnknownNameError
 from helisim.design.lqg import lqg_model
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
@@ -15,13 +14,6 @@ from helisim.sim import Recorder
 from helisim.study.experiment import fly_sweeps
 from helisim.vehicle.trim import addresses
 
-SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
-ROLLPITCH = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
-ROLL = {
-    **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
-    **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "L_p": -0.02, "M_q": -0.02},
-    **{"tau_lat": 0.004, "tau_lon": 0.004, "servo_omega": 200.0, "servo_zeta": 1.0},
-}
 YAW = {"N_r": -0.8, "N_ped": 48.0, "tau_r_base": 0.014}
 TRACKED = (
     hs.Tracked(output="theta", stick="LON", gain=0.6, frequency=6.0),
@@ -39,7 +31,7 @@ def plant():
     return hs.Plant(
         (
             found(ident.structures.yaw_base, **YAW),
-            found(ROLLPITCH, **ROLL),
+            found(ROLLPITCH, **ROLL, tau_lat=0.004, tau_lon=0.004),
             found(ident.structures.heave, **heave),
         ),
         tilt=(0.067, 0.0),
@@ -69,13 +61,6 @@ def test_model_has_no_mode_that_a_law_could_not_stabilise(plant):
     assert np.sort(poles.real)[-1] < 1e-3
 
 
-def test_names_that_the_plant_lacks_are_said(plant):
-    with pytest.raises(UnknownNameError, match="signal of the plant 'u'"):
-        lqg_model(plant, sensed=("p", "u"))
-    with pytest.raises(UnknownNameError, match="command of the plant 'thr'"):
-        lqg_model(plant, commands=("thr",))
-
-
 def stepped(vehicle, column, size, seconds):
     """Return phi, theta and r after a step of a stick, sticks alone at work, (n_time, 3)."""
     data, where = vehicle.hovering(), addresses(vehicle.model)
@@ -91,15 +76,14 @@ def stepped(vehicle, column, size, seconds):
     return np.array(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_law_of_an_identified_plant_flies_as_predicted(jr700):
-    """Sweeps, models, law: margins as the exact vehicle has them, steps as the nonlinear flies."""
     flights = fly_sweeps(jr700, 3, 2, 2, Recorder.of(jr700), None, lambda _: None)[0]
     plant = hs.identify_for_design(flights)
     law = hs.lqg(plant, TRACKED, WEIGHTS)
     predicted = ClosedLoop(plant, law.linear(plant.period))
-    exact = ClosedLoop(_Exact(jr700), law.linear(plant.period))
     flying = jr700.with_controller(law)
+    exact = hs.exact_loop(flying)
     for axis, (output, column) in STICKS.items():
         said, true = (margins(loop.broken(axis)) for loop in (predicted, exact))
         assert said.crossover == pytest.approx(true.crossover, rel=0.02)
@@ -113,15 +97,3 @@ def test_law_of_an_identified_plant_flies_as_predicted(jr700):
         # 7 degrees and 0.6 rad/s, nonlinear and with speed that grows: 1.2 % off at most, of
         # which a quarter is left in steps of a quarter
         assert np.max(np.abs(moved - wanted)) < 0.02 * np.max(np.abs(wanted))
-
-
-class _Exact:
-    """The linearisation at the trim, as what a loop is made of."""
-
-    def __init__(self, vehicle):
-        self.linear = vehicle.linearize("IN1")
-        self.inputs = tuple(self.linear.system.input_labels)
-        self.outputs = tuple(self.linear.system.output_labels)
-
-    def response(self, frequency):
-        return self.linear.response(frequency)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exact_fits import OMEGA as WIDE
+from exact_fits import ROLL, ROLLPITCH
 from exact_fits import found as fitted
 from helisim import ident
 from helisim.base.errors import InputError
@@ -38,7 +39,6 @@ def test_what_is_recorded_late_is_sensed_at_once_and_late_by_the_gyro(yaw):
 
 
 def test_angles_turn_as_euler_angles_do():
-    """Of a rotation matrix turned a little by body rates."""
     from scipy.spatial.transform import Rotation
 
     phi, theta, step = 0.2, -0.1, 1e-7
@@ -52,13 +52,6 @@ def test_angles_turn_as_euler_angles_do():
         )
 
 
-def test_the_first_model_that_tells_a_response_tells_it(yaw):
-    other = ident.structures.yaw_base.with_fixed({**TRUE, "N_ped": 10.0})
-    exact = yaw.response(OMEGA)
-    second = ident.identify(exact, other)
-    assert np.array_equal(Plant((yaw, second)).response(OMEGA), Plant((yaw,)).response(OMEGA))
-
-
 def test_nothing_to_begin_at_is_refused(yaw):
     stick = ident.identify(
         ident.FrequencyResponse.exact(
@@ -68,14 +61,6 @@ def test_nothing_to_begin_at_is_refused(yaw):
     )
     with pytest.raises(InputError, match=r"servo command \(col, lon, lat, ped\).*PED"):
         Plant((stick,))
-
-
-SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
-HOVER = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
-ROLL = {
-    **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
-    **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "L_p": -0.02, "M_q": -0.02},
-}
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 3])
@@ -108,7 +93,7 @@ def test_its_response_is_that_of_what_it_samples(latency):
 
     The integral of the roll rate is the model's own attitude: no second one is added.
     """
-    rolling = fitted(HOVER, **ROLL, tau_lat=0.0047, tau_lon=-0.0152)
+    rolling = fitted(ROLLPITCH, **ROLL, tau_lat=0.0047, tau_lon=-0.0152)
     heaving = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-42.0, tau_col=0.0083)
     late = {"p": 0.0035, "q": 0.0035, "lon": 0.0198}
     plant = Plant((rolling, heaving), late=late, latency=latency, tilt=(0.07, -0.01))
@@ -136,20 +121,6 @@ def test_a_model_that_leads_a_little_is_read_later():
     ahead = Plant((fit,), late={"r": 0.042})
     with pytest.raises(NoResponse, match=r"'ped' moves leads it by 2\.3 ms, more than the period"):
         _ = ahead.sampled
-
-
-def test_a_model_of_which_another_tells_a_part_has_no_poles():
-    whole = fitted(
-        ident.structures.rollpitch, **{k: ROLL[k] for k in list(ROLL)[:9]}, tau_lat=0.0, tau_lon=0.0
-    )
-    part = fitted(
-        ident.structures.yaw_base.renamed({"ped": "lat", "r": "p"}),
-        N_r=-1.0,
-        N_ped=40.0,
-        tau_r_base=0.0,
-    )
-    with pytest.raises(NoResponse, match="'rollpitch' tells p/lon, q/lat, q/lon only"):
-        _ = Plant((part, whole)).sampled
 
 
 @pytest.fixture(scope="module")

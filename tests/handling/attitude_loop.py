@@ -28,37 +28,28 @@ class AttitudeLoop:
     def axes(self):
         return (axis_of(self.axis).name,)
 
-    def plant(self, s):
-        return self.b / (s**2 * (self.lag * s + 1.0))
-
-    def feedback(self, s):
-        return self.k + self.k_rate * s
-
-    def curve(self, response):
+    def curve(self, given=None):
+        """Return what an input to the loop gives, closed; by default L, of s, plant and law."""
         omega = np.array(self.frequency)
-        return Curve(omega, response(1j * omega, np.exp(-1j * omega * self.delay)))
+        s, back = 1j * omega, self.k + 1j * omega * self.k_rate
+        plant = self.b / (s**2 * (self.lag * s + 1.0)) * np.exp(-s * self.delay)
+        around = plant * back
+        return Curve(omega, given(plant, back) / (1.0 + around) if given else around)
 
     def broken(self, axis, at="actuators"):
-        return self.curve(lambda s, late: self.plant(s) * self.feedback(s) * late)
+        return self.curve()
 
     def disturbance(self, axis):
-        return self.curve(lambda s, late: 1.0 / (1.0 + self.plant(s) * self.feedback(s) * late))
+        return self.curve(lambda plant, back: 1.0)
 
     def command(self, axis, output=None):
-        return self.curve(
-            lambda s, late: (
-                self.k * self.plant(s) * late / (1.0 + self.plant(s) * self.feedback(s) * late)
-            )
-        )
+        return self.curve(lambda plant, back: self.k * plant)
 
     def turned(self, axis, by):
-        return self.curve(
-            lambda s, late: self.plant(s) * late / (1.0 + self.plant(s) * self.feedback(s) * late)
-        )
+        return self.curve(lambda plant, back: plant)
 
     def actuator(self, axis, by="stick"):
-        way = (lambda s: self.k) if by == "stick" else (lambda s: -self.feedback(s))
-        return self.curve(lambda s, late: way(s) / (1.0 + self.plant(s) * self.feedback(s) * late))
+        return self.curve(lambda plant, back: self.k if by == "stick" else -back)
 
     @property
     def poles(self):

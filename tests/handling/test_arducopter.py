@@ -43,11 +43,8 @@ def ticks(axis):
     found = {
         name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name != "axis"
     }
-    angles = [
-        "wanted",
-        "rate",
-        *(f"{one}{w}" for one in ("aim_", "") for w in ("roll", "pitch", "yaw")),
-    ]
+    attitudes = ("roll", "pitch", "yaw")
+    angles = ["wanted", "rate", *(f"{one}{w}" for one in ("aim_", "") for w in attitudes)]
     return found | {name: np.radians(found[name]) for name in angles}
 
 
@@ -109,6 +106,28 @@ def test_a_response_is_the_z_transform_of_the_difference_equations():
     assert found == pytest.approx(-pid * law.gyro(frequency), rel=1e-9)
 
 
+@pytest.mark.parametrize("shaped", [0.0, 1.0])
+@pytest.mark.parametrize("late", [0.0, 0.001, 0.3])
+def test_a_stick_acts_as_the_attitude_that_it_asks_for(shaped, late):
+    """A stick over the attitude, -(z A + z M / P), with the target A and its derivative M.
+
+    Shaped, of roll and pitch: (z - 1) A = T M, z M = (1 - z A) / 0.2; of yaw, a rate asked for:
+    z M = M + (1 - M) T / late. Unshaped the target is what is asked for, of yaw summed.
+    """
+    law = ArduCopterLaw.of(PARAMETERS | {"ATC_RATE_FF_ENAB": shaped, "PILOT_Y_RATE_TC": late})
+    frequency = np.array([0.5, 5.0, 50.0])
+    found, tick = law.response(frequency), 0.0025
+    z = np.exp(1j * frequency * tick)
+    target = 1.0 / (z + shaped * z * (z - 1.0) * 0.2 / tick)
+    along = min(1.0, tick / max(late, 0.01)) if late else 1.0
+    turning = along / (z - 1.0 + along) if shaped else np.ones(3)
+    moves = [shaped * (z - 1.0) / tick * target] * 2 + [shaped * turning]
+    targets = [target, target, tick * (turning if shaped else 1.0 / z * z) / (z - 1.0)]
+    for k, word in enumerate(("RLL", "PIT", "YAW")):
+        wanted = -z * (targets[k] + moves[k] / ANGLE[word])
+        np.testing.assert_allclose(found[k, 6 + k] / found[k, 3 + k], wanted, rtol=1e-9)
+
+
 def test_the_gyros_filter_is_a_butterworth_of_second_order():
     """-3.01 dB and 90 deg late at its corner, which the bilinear transform keeps in its place."""
     law = ArduCopterLaw.of(PARAMETERS)
@@ -128,14 +147,12 @@ def test_an_integral_beyond_its_least_leak_leaks():
 
 
 def test_missing_parameters_are_named():
-    """Of a copter of another kind, say."""
     short = {name: value for name, value in PARAMETERS.items() if name != "ATC_RAT_YAW_ILMI"}
     with pytest.raises(InputError, match="lack ATC_RAT_YAW_ILMI"):
         ArduCopterLaw.of(short)
 
 
 def test_what_the_law_leaves_out_is_said():
-    """A slew limiter and a harmonic notch."""
     said = ArduCopterLaw.of(PARAMETERS | {"ATC_RAT_RLL_SMAX": 20.0, "INS_HNTCH_ENABLE": 1.0})
     assert len(said.remarks) == 2
     assert "slew limiter of roll" in said.remarks[0]

@@ -1,6 +1,7 @@
 """Closed loops at their ticks: closed forms, python-control, and what is not known."""
 
-from dataclasses import dataclass
+from dataclasses import replace
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import helisim as hs
 from exact_fits import found as fitted
 from helisim import ident
-from helisim.base.errors import InputError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
@@ -17,38 +18,15 @@ from helisim.handling.loop import NoResponse
 PERIOD, GAIN = 0.01, 20.0
 
 
-@dataclass(frozen=True)
-class Within:
-    """A system that has its matrices as another."""
-
-    sampled: LinearSystem
-
-
-def numbers(*rows):
-    return np.array(rows, dtype=float)
-
-
-def ticked(a, b, c, d, inputs, outputs, period=PERIOD):
-    return LinearSystem(a, b, c, d, period, inputs, outputs)
-
-
-INTEGRAL = ticked(
-    numbers([1.0]), numbers([PERIOD]), numbers([1.0]), numbers([0.0]), ("lat",), ("phi",)
-)
-HOLD = ticked(
-    np.zeros((0, 0)),
-    np.zeros((0, 2)),
-    np.zeros((1, 0)),
-    numbers([-GAIN, GAIN]),
-    ("phi", "LAT"),
-    ("lat",),
-)
+INTEGRAL = LinearSystem([[1.0]], [[PERIOD]], [[1.0]], [[0.0]], PERIOD, ("lat",), ("phi",))
+NONE = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0))
+HOLD = LinearSystem(*NONE, [[-GAIN, GAIN]], PERIOD, ("phi", "LAT"), ("lat",))
 """It commands a rate of GAIN times what is left to the stick."""
 
 
 def test_an_integral_that_is_held_goes_as_a_power():
     """Each tick leaves 1 - k T of what was left: y = 1 - (1 - k T)^n, one pole."""
-    loop = ClosedLoop(Within(INTEGRAL), HOLD)
+    loop = ClosedLoop(INTEGRAL, HOLD)
     np.testing.assert_allclose(loop.poles, [np.log(1.0 - GAIN * PERIOD) / PERIOD], rtol=1e-12)
     history = loop.step("roll", size=0.3, duration=0.5)
     left = (1.0 - GAIN * PERIOD) ** np.arange(51)
@@ -58,54 +36,76 @@ def test_an_integral_that_is_held_goes_as_a_power():
     assert set(history.signals) == {"LAT", "lat", "phi"}
 
 
+def test_every_response_of_a_rate_that_is_commanded_is_its_closed_form():
+    """Of phi = P u and p = u, P = T / (z - 1), behind u = K (s - phi) - R p: L = K P + R."""
+    rate, rows = 0.3, ([[1.0], [0.0]], [[0.0], [1.0]])
+    rated = LinearSystem([[1.0]], [[PERIOD]], *rows, PERIOD, ("lat",), ("phi", "p"))
+    none = np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((1, 0))
+    law = LinearSystem(*none, [[-GAIN, -rate, GAIN]], PERIOD, ("phi", "p", "LAT"), ("lat",))
+    loop = ClosedLoop(rated, law)
+    plant = PERIOD / (np.exp(1j * loop.frequency * PERIOD) - 1.0)
+    open_ = GAIN * plant + rate
+    to = {"lat": 1.0 / (1.0 + open_), "phi": plant / (1.0 + open_), "p": 1.0 / (1.0 + open_)}
+    back = GAIN + 1j * loop.frequency * rate  # of an angle that is added, its derivative on p
+    for found, wanted in (
+        (loop.broken("lat"), open_),
+        (loop.broken("lat", "sensors"), 1.0 / (1.0 - back * to["phi"]) - 1.0),
+        (loop.disturbance("lat"), 1.0 - back * to["phi"]),
+        (loop.command("lat"), GAIN * to["phi"]),
+        (loop.command("lat", "p"), GAIN * to["p"]),
+        (loop.turned("lat", "lat"), to["phi"]),
+        (loop.actuator("lat"), GAIN * to["lat"]),
+        (loop.actuator("lat", "disturbance"), -back * to["lat"]),
+        *((one, to[name]) for name, one in loop.reached("actuators", "lat").items()),
+        *((one, -back * to[name]) for name, one in loop.reached("sensors", "lat").items()),
+    ):
+        np.testing.assert_allclose(found.response, wanted, rtol=1e-9)
+    assert set(loop.reached("sticks", "lat")) == {"lat", "phi", "p"}
+
+
 def test_a_stick_that_is_seen_late_moves_all_that_much_later():
     """By 2.5 ticks, seen at the third; its response by 25 ms, whatever a tick is."""
-
-    class Late(Within):
-        inputs, outputs = INTEGRAL.inputs, INTEGRAL.outputs
-        response = INTEGRAL.response
-
-        @property
-        def stick_latency(self):
-            return {"LAT": 2.5 * PERIOD}
-
-    loop, soon = ClosedLoop(Late(INTEGRAL), HOLD), ClosedLoop(INTEGRAL, HOLD)
-    late, now = (one.step("lat", size=1.0, duration=0.2).signals["phi"] for one in (loop, soon))
-    np.testing.assert_allclose(late[3:], now[:-3], atol=1e-15)
-    assert not late[:3].any()
+    late = SimpleNamespace(
+        inputs=INTEGRAL.inputs,
+        outputs=INTEGRAL.outputs,
+        response=INTEGRAL.response,
+        sampled=INTEGRAL,
+        stick_latency={"LAT": 2.5 * PERIOD},
+    )
+    loop, soon = ClosedLoop(late, HOLD), ClosedLoop(INTEGRAL, HOLD)
+    then, now = (one.step("lat", size=1.0, duration=0.2).signals["phi"] for one in (loop, soon))
+    np.testing.assert_allclose(then[3:], now[:-3], atol=1e-15)
+    assert not then[:3].any()
     ratio = loop.command("lat").response / soon.command("lat").response
     np.testing.assert_allclose(ratio, np.exp(-0.025j * loop.frequency), rtol=1e-12)
     np.testing.assert_allclose(loop.broken("lat").response, soon.broken("lat").response)
 
 
-def test_what_a_command_moves_at_once_is_in_the_loop():
-    """Of u = k (s - y) and y = u is left y = k s / (1 + k)."""
-    at_once = ticked(
-        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), numbers([1.0]), ("lat",), ("phi",)
-    )
-    history = ClosedLoop(at_once, HOLD).step("lat", size=1.0, duration=0.02)
-    np.testing.assert_allclose(history.signals["phi"], GAIN / (1.0 + GAIN), rtol=1e-12)
-
-
 def test_responses_alone_have_no_poles():
-    class Seen:
-        inputs, outputs = ("lat",), ("phi",)
-
-        def response(self, frequency):
+    def seen(inputs, outputs):
+        def response(frequency):
             return np.ones((1, 1, frequency.size), dtype=complex)
 
+        return SimpleNamespace(inputs=inputs, outputs=outputs, response=response)
+
     with pytest.raises(NoResponse, match="the plant is known by its responses alone"):
-        _ = ClosedLoop(Seen(), HOLD).poles
+        _ = ClosedLoop(seen(("lat",), ("phi",)), HOLD).poles
     with pytest.raises(NoResponse, match="the law is known by its responses alone"):
-        ClosedLoop(INTEGRAL, Seen()).step("lat", size=1.0, duration=1.0)
+        ClosedLoop(INTEGRAL, seen(("phi",), ("lat",))).step("lat", size=1.0, duration=1.0)
 
 
 def test_other_ticks_and_an_unknown_stick_are_refused():
-    slow = ticked(HOLD.a, HOLD.b, HOLD.c, HOLD.d, HOLD.inputs, HOLD.outputs, 0.02)
+    slow = replace(HOLD, period=0.02)
     with pytest.raises(InputError, match=r"each 0\.01 s, the law each 0\.02 s"):
         _ = ClosedLoop(INTEGRAL, slow).poles
     with pytest.raises(NoResponse, match="the law has no stick 'PED': it has phi, LAT"):
         ClosedLoop(INTEGRAL, HOLD).step("yaw", size=1.0, duration=1.0)
+
+
+@pytest.mark.parametrize("ask", [ClosedLoop.broken, lambda loop, *one: loop.reached(*one[::-1])])
+def test_an_unknown_place_is_refused(ask):
+    with pytest.raises(UnknownNameError, match="'sensor'; available: actuators, sensors"):
+        ask(ClosedLoop(INTEGRAL, HOLD), "lat", "sensor")
 
 
 OMEGA = np.geomspace(0.5, 100.0, 30)

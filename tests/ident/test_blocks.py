@@ -31,30 +31,18 @@ def test_blocks_have_their_closed_forms():
         assert alone(blocks.low_pass(corner=40.0, order=order)) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_inflow_block_is_the_rotor_s_with_its_hub_held():
-    """As heave so slow that it stays put: its acceleration over the collective, at once 1 / C."""
-    lag, stays = 0.08, 0.6
-    values = {"Z_w": -1e-9, "Z_col": -10.0, "tau_0": lag, "C": stays, "tau_col": 0.0}
-    held = response(heave_inflow, values, GRID)[1, 0] / -10.0
-    # the damping is 1e-9 of the lowest frequency
-    assert alone(blocks.inflow(tau=lag, C=stays)) == pytest.approx(held, rel=1e-7)
-
-
 @pytest.mark.parametrize("plant", [rollpitch, hover_imu, heave_inflow], ids=lambda one: one.name)
 def test_series_multiply_the_response(plant):
-    """Whatever the plant's matrices, an input's block multiplies its column, an output's its row.
-
-    The inflow block has a part that follows its input's rate, the delay none but a delay.
-    """
+    """An input's block multiplies its column, an output's its row."""
     rng = np.random.default_rng(4)
     values = {one.name: one.start or 0.1 * rng.normal() for one in plant.parameters}
     inner = response(plant, values, GRID)
-    lead, late = blocks.inflow(tau=0.1, C=0.7), blocks.delay(tau=0.02)
+    lag, late = blocks.first_order(tau=0.1), blocks.delay(tau=0.02)
     first, last = plant.inputs[0], plant.inputs[-1]
     ends = {plant.outputs[0]: blocks.low_pass(corner=40.0, order=3), plant.outputs[-1]: late}
-    made = in_series(plant, inputs={first: SERVO, last: lead}, outputs=ends)
+    made = in_series(plant, inputs={first: SERVO, last: lag}, outputs=ends)
     expected = inner.copy()
-    expected[:, plant.inputs.index(last)] *= alone(lead)
+    expected[:, plant.inputs.index(last)] *= alone(lag)
     if first != last:
         expected[:, 0] *= SERVO_RESPONSE
     expected[0] *= alone(blocks.low_pass(corner=40.0, order=3))
@@ -99,16 +87,21 @@ def test_blocks_are_read_from_words():
     assert made.parameter("lat_lon_zeta").start == 0.7
     assert made.parameter("lat_lon_zeta").fixed
     assert made.parameter("p_corner").start == 40.0
-    free = blocks.read("first_order:name=servo")
+    free = blocks.with_blocks(rollpitch, {"p": "first_order:name=servo"})
     assert not free.parameter("servo_tau").fixed
     for words, error, what in (
         ("third_order:omega=3", UnknownNameError, "third_order"),
         ("first_order:omega=3", UnknownNameError, "'omega'"),
         ("first_order:tau=fast", InputError, r"tau = 'fast' of the block .* isn't a number"),
-        ("low_pass:corner=3,order=12", InputError, "order of a low-pass is 12"),
+        (
+            "low_pass:corner=3,order=12",
+            InputError,
+            "order of the low-pass .* at most 8, got 12",
+        ),
+        ("first_order:tau=1+-2+-3", InputError, "lat_tau must be a list of 2 numbers"),
     ):
         with pytest.raises(error, match=what):
-            blocks.read(words)
+            blocks.with_blocks(rollpitch, {"lat": words})
     with pytest.raises(UnknownNameError, match="'pad'"):
         blocks.with_blocks(rollpitch, {"pad": "first_order:tau=1"})
     with pytest.raises(InputError, match="lat has two blocks"):
@@ -116,19 +109,11 @@ def test_blocks_are_read_from_words():
 
 
 def test_what_cannot_be_in_series_is_refused():
-    """A block of two inputs; an output that follows its input's rate behind a lag."""
+    """A block of two inputs, and an input that isn't there."""
     with pytest.raises(InputError, match="has 2 inputs and 2 outputs"):
         in_series(rollpitch, inputs={"lat": rollpitch})
     with pytest.raises(UnknownNameError, match="input of 'rollpitch' 'col'"):
         in_series(rollpitch, inputs={"col": SERVO})
-    improper = Structure("improper", (), (), ("col",), ("az",), H0=((),), D=(("1",),), D1=(("2",),))
-    with pytest.raises(InputError, match="an input's rate differentiated"):
-        in_series(improper, outputs={"az": SERVO})
-    lagged = in_series(improper, inputs={"col": SERVO})
-    found = response(lagged, lagged.starts, GRID)[0, 0]
-    assert found == pytest.approx((1.0 + 2.0 * S) * SERVO_RESPONSE, rel=1e-12)
-    with pytest.raises(InputError, match="differentiated"):
-        in_series(improper, inputs={"col": blocks.inflow(tau=0.1, C=0.7)})
 
 
 def test_a_file_has_its_blocks_in_a_table(tmp_path):

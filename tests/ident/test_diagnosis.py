@@ -37,32 +37,25 @@ def order(zeros, poles):
 
 
 @pytest.mark.parametrize(
-    ("plant", "noise", "fitted", "advised", "reason"),
+    ("plant", "noise", "fitted", "advised"),
     [
-        (GAIN, 0.01, (0, 1), "tf:0/0", "rad/s is far above the band's 10 rad/s"),
-        (LAG, 0.0, (0, 2), "tf:0/1", ""),
-        (LAG, 0.05, (0, 2), "tf:0/1", ""),
-        (LAG, 0.01, (1, 2), "tf:0/1", "a zero cancels the pole at 0."),
-        (INTEGRATOR, 0.01, (1, 2), "tf:0/1", ""),
-        (MODE, 0.01, (1, 2), "tf:0/2", ""),
-        (MODE, 0.01, (2, 3), "tf:0/2", ""),
+        (GAIN, 0.01, (0, 1), "tf:0/0"),
+        (LAG, 0.0, (0, 2), "tf:0/1"),
+        (LAG, 0.01, (1, 2), "tf:0/1"),
+        (MODE, 0.01, (1, 2), "tf:0/2"),
     ],
 )
-def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised, reason):
+def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised):
     """A pole far away, on a zero, a coefficient not seen: the true order is advised."""
     fit = identify(measured(*plant, noise), order(*fitted))
     assert f"fit {advised} instead" in fit.degenerate[0]
-    assert reason in fit.degenerate[0]
     assert fit.degenerate[0] in str(fit)
     assert fit.judged == "degenerate"
-    assert not fit.ok
     assert {one.support for one in fit.parameters.values()} <= {"degenerate", "not seen"}
     assert Fit.from_dict(json.loads(json.dumps(fit.to_dict()))).degenerate == fit.degenerate
 
 
-@pytest.mark.parametrize(
-    ("plant", "fitted"), [(LAG, (0, 1)), (INTEGRATOR, (0, 1)), (MODE, (0, 2)), (MODE, (0, 1))]
-)
+@pytest.mark.parametrize(("plant", "fitted"), [(INTEGRATOR, (0, 1)), (MODE, (0, 2))])
 def test_the_right_order_and_too_low_a_one_are_not_degenerate(plant, fitted):
     """An integrator's pole is not known to its own size, yet needed; so is all of too low one."""
     fit = identify(measured(*plant), order(*fitted))
@@ -112,8 +105,7 @@ def test_an_unstable_pole_that_stands_for_a_lag_is_told():
     wrong, right = (identify(data(FLAPPING, OMEGA), order(0, poles)) for poles in (1, 2))
     assert wrong.excellent
     assert wrong.modes.poles[0].real > 10.0
-    (note,) = (one for one in wrong.notes if "unstable pole" in one.text)
-    assert note.option.value == "tf:0/2"
+    assert any("an unstable pole at" in one and "more states" in one for one in wrong.remarks)
     assert not any("unstable pole" in one for one in right.remarks)
     slow = 90.0 * S / (S**2 - 0.8 * S + 4.0) * np.exp(-0.1 * S)
     own = identify(data(slow, OMEGA), order(1, 2))
@@ -121,11 +113,11 @@ def test_an_unstable_pole_that_stands_for_a_lag_is_told():
     assert not any("unstable" in one for one in own.remarks)
 
 
-def test_what_is_far_more_than_noise_is_told_with_the_order_that_follows():
-    """A lightly damped mode that hardly costs: its order is named, from the data alone."""
+def test_what_is_far_more_than_noise_is_told():
+    """A lightly damped mode that hardly costs."""
     fit = identify(data(DUTCH_ROLL * np.exp(-0.15 * S), OMEGA), order(0, 1))
     known = replace(fit, misfit=Misfit(magnitude={"y/u": 1.0}, phase={"y/u": 5.0}, ratio=300.0))
-    assert any("y/u is off by 14 % rms" in one and "tf:2/3" in one for one in known.remarks)
+    assert any("y/u is off by 14 % rms" in one for one in known.remarks)
     noisy = replace(known, misfit=replace(known.misfit, ratio=3.0))
     assert not any("off by" in one for one in noisy.remarks)
 
@@ -177,28 +169,27 @@ def test_an_acceptable_fit_is_not_suspected():
         assert not any(note.remedy for note in fit.notes)
 
 
-@pytest.mark.slow
+UNIT, P, PHI = "unit", "channel p=COLUMN", "channel phi=COLUMN"
+
+
 @pytest.mark.parametrize(
     ("frf", "structure", "expected", "said"),
     [
-        (
-            rolled(p=180.0 / np.pi),
-            roll(),
-            {("unit", "channel p=COLUMN:deg/s"), ("unit", "channel phi=COLUMN:rad")},
-            "",
-        ),
-        (rolled(phi=-1.0), roll(), {("sign", "channel phi=COLUMN:UNIT:sign=-1")}, ""),
-        (
+        (rolled(p=180.0 / np.pi), roll(), {(UNIT, f"{P}:deg/s"), (UNIT, f"{PHI}:rad")}, ""),
+        (rolled(phi=-1.0), roll(), {("sign", f"{PHI}:UNIT:sign=-1")}, ""),
+        pytest.param(
             rolled(p=-1.0, phi=-1.0),
             roll((1.0, 1e4)),
             {("sign", "channel lat=COLUMN:UNIT:sign=-1")},
             "",
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             rolled(swapped=True),
             roll(),
-            {("columns", "channel p=COLUMN_OF_phi", "channel phi=COLUMN_OF_p")},
+            {("columns", f"{P}_OF_phi", f"{PHI}_OF_p")},
             "the columns of p and phi swapped: J would be",
+            marks=pytest.mark.slow,
         ),
         (
             rolled(delay=0.22),
@@ -206,11 +197,12 @@ def test_an_acceptable_fit_is_not_suspected():
             {("delay", "fix tau=0.22")},
             "longer by about 0.2 s",
         ),
-        (
+        pytest.param(
             rolled(delay=0.2),
             replace(roll(), parameters=roll().parameters[:2], input_delays={}),
             {("delay",)},
             "longer by about 0.2 s; the structure has none there",
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["degrees", "sign", "control's sign", "columns", "fixed delay", "no delay"],
@@ -224,31 +216,12 @@ def test_what_is_wrong_with_data_is_told(frf, structure, expected, said):
 
 
 @pytest.mark.slow
-def test_an_edge_of_the_band_is_told():
-    """A sensor's high-pass filter below 2 rad/s: the band without its strongest part."""
-    rate = rolled().response[0, 0] * np.where(BAND < 2.0, (BAND / 2.0) ** 4, 1.0)
-    fit = identify(data(rate, BAND), order(0, 1))
-    (one,) = suspicions(fit)
-    assert one.kind == "band"
-    # a third of the band, in decades, counts as its edge: to 2.8 rad/s, and the next point is kept
-    assert 2.0 <= float(one.option.value.split()[0]) <= 3.0
-    assert one.text in fit.remarks
-
-
-@pytest.mark.slow
 def test_low_coherence_is_told():
     """A response that something else moves is doubted, not the structure."""
     frf = rolled()
     wild = frf.response * np.exp(0.7 * np.random.default_rng(0).standard_normal(frf.response.shape))
     frf = replace(frf, response=wild, coherence=np.full_like(frf.coherence, 0.65))
     assert {kind for kind, *_ in causes(frf, roll())[0]} == {"coherence"}
-
-
-def test_a_transfer_function_that_is_too_small_is_told():
-    """An oscillation with a zero, fitted by a lag: the order that would follow it."""
-    s = 1j * BAND
-    response = (-20.0 * s - 40.0) / (s**2 + 2.0 * s + 25.0) * np.exp(-0.03 * s)
-    assert causes(data(response, BAND), order(0, 1))[0][0] == ("order", "structure tf:1/2")
 
 
 @pytest.mark.parametrize(

@@ -9,20 +9,11 @@ import plants
 import pytest
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
-from helisim.ident import Parameter, Structure, frequency_response, identify, structures
-from helisim.ident.bounds import accuracy, gauss_newton_hessian
+from helisim.ident import Parameter, Structure, identify, structures
+from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.rational import delay_grid, rational_fits
-from helisim.ident.search import (
-    Delays,
-    Minimum,
-    Start,
-    agreed,
-    beside,
-    linear_parameters,
-    scattered,
-)
 from ident_data import GRID, HEAVE, ROLLPITCH, YAW, data, fitted, of_model
 from script import SCRIPTS
 
@@ -43,6 +34,7 @@ def gain(*, inputs=("lat",), cell="K", names=("K",)):
 
 
 GAIN = gain()
+YAW_BASE = structures.yaw_base
 WEIGHT = 20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2
 """Of a response of coherence 1, in J."""
 
@@ -72,36 +64,8 @@ def test_printed_cost_is_the_average_and_accuracy_uses_the_sum():
     assert list(shifted.costs.values()) == pytest.approx([WEIGHT] * 2, rel=1e-9)
 
 
-@pytest.mark.parametrize("count", [20, 40])
-def test_cost_does_not_depend_on_the_number_of_points(count):
-    """One degree of phase error everywhere costs 0.01745 * 20 W for any number of points."""
-    turned = data(np.full(GRID.size, np.exp(1j * np.deg2rad(1.0))), inputs=["lat"], outputs=["p"])
-    fit = identify(turned, GAIN, frequencies_per_response=count)
-    assert fit.cost == pytest.approx(0.01745 * WEIGHT, rel=1e-6)
-
-
 def cost_of(frf, structure):
     return Cost(structure, select(frf, structure, band=None, responses=None, count=20))
-
-
-def test_gauss_newton_hessian_is_the_exact_one_at_a_perfect_fit():
-    """Without residuals the neglected curvature vanishes, and nearly so with small ones."""
-    structure = structures.yaw_base
-    for size, tolerance in ((0.0, 1e-5), (0.02, 0.05)):
-        fit = fitted(structure, YAW, noise=size)
-        cost = cost_of(fit.data, structure)
-        x = np.array([fit[name].value for name in structure.names])
-
-        def gradient(at, cost=cost):
-            return 2.0 * cost.log_jacobian(at).T @ cost.log(at, unwrap=False)
-
-        shifts = np.diag(1e-5 * np.maximum(np.abs(x), 1e-3))
-        columns = [(gradient(x + d) - gradient(x - d)) / (2.0 * d.max()) for d in shifts]
-        exact = 0.5 * (np.array(columns) + np.array(columns).T)
-        quick = gauss_newton_hessian(cost.log_jacobian(x))
-        scale = np.sqrt(np.diagonal(quick))
-        # 2 % noise is a tenth of a dB and a degree: the curvature term is of that order.
-        assert np.max(np.abs((exact - quick) / np.outer(scale, scale))) < tolerance
 
 
 def test_standard_error_is_the_scatter_of_replicates():
@@ -116,15 +80,6 @@ def test_standard_error_is_the_scatter_of_replicates():
     np.testing.assert_allclose(np.mean(stated, axis=0) / np.std(found, axis=0), 1.0, atol=0.25)
 
 
-def test_fixed_parameters_stay_and_are_marked():
-    """A fixed parameter keeps its value and claims no accuracy."""
-    fit = fitted(structures.yaw_base.with_fixed({"tau_r_base": 0.04}), YAW)
-    assert fit["tau_r_base"].value == 0.04
-    assert fit["tau_r_base"].support == "fixed"
-    assert fit["N_r"].value == pytest.approx(-0.7, rel=1e-6)
-    assert fit.correlation.shape == (2, 2)
-
-
 @pytest.mark.parametrize(
     ("low", "high", "ends"),
     # a thousandth of the range inside is not the edge, whose width is a millionth of it
@@ -135,7 +90,6 @@ def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, end
     free = structures.heave.with_bounds({"Z_w": None}).with_starts({"Z_w": 0.5 * (low + high)})
     fit = identify(of_model(structures.heave, HEAVE), free.with_bounds({"Z_w": (low, high)}))
     assert fit.at_bound == ends
-    assert fit.ok == (not ends)
     assert ("at bound" in str(fit)) == bool(ends)
 
 
@@ -143,7 +97,7 @@ def test_what_the_data_do_not_see_is_called_poor():
     """Two parameters that only act as a product are unbounded, fully correlated and poor."""
     fit = identify(of_model(GAIN, {"K": 6.0}), gain(cell="a*b", names=("a", "b")))
     assert fit["a"].value * fit["b"].value == pytest.approx(6.0, rel=1e-6)
-    assert fit.poorly_identified == ("a", "b")
+    assert [one.support for one in fit.parameters.values()] == ["degenerate"] * 2
     assert math.isinf(fit["a"].cr_percent)
     assert fit.to_dict()["parameters"][0]["cr_percent"] is None
 
@@ -219,7 +173,12 @@ HOVER_SLOPES = {
         (structures.hover_imu, HOVER, (0.3, 30.0)),
         (structures.heave_inflow, INFLOW, (1.0, 60.0)),
         (structures.rollpitch_inflow.with_fixed(TURN), SLOPES, (1.0, 60.0)),
-        (structures.hover_inflow.with_fixed(TURN), HOVER_SLOPES, (1.0, 60.0)),
+        pytest.param(
+            structures.hover_inflow.with_fixed(TURN),
+            HOVER_SLOPES,
+            (1.0, 60.0),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=lambda one: getattr(one, "name", ""),
 )
@@ -229,36 +188,13 @@ def test_large_structures_come_back_from_their_own_responses(structure, values, 
     assert fit.values == pytest.approx(values, rel=1e-3)
 
 
-def test_heave_with_inflow_comes_back_from_sweeps():
-    """From noisy sweeps the inflow's lag and lift deficiency are within 3 of their errors."""
-    swept = {"axis": "col", "band": (0.5, 70.0), "amplitude": 0.05}
-    noise = {"w": 0.02, "az": 0.05}
-    flights = [
-        plants.fly(structures.heave_inflow, INFLOW, seed=seed, noise=noise, **swept)
-        for seed in range(3)
-    ]
-    frf = frequency_response(flights, inputs="col", outputs=("w", "az"), band=(0.8, 60.0))
-    fit = identify(frf, structures.heave_inflow, frequencies_per_response=40)
-    for name, value in INFLOW.items():
-        error = fit[name].standard_error
-        assert fit[name].value == pytest.approx(value, abs=3.0 * error + 0.01 * abs(value)), name
-    plain = identify(frf, structures.heave, frequencies_per_response=40)
-    assert fit.cost < 0.1 * plain.cost
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_exact_data_give_exact_parameters_from_any_seed(seed):
     """The search finds the one minimum of exact roll-pitch data whatever its scattered starts."""
     fit = identify(of_model(structures.rollpitch, ROLLPITCH), structures.rollpitch, seed=seed)
     assert fit.values == pytest.approx(ROLLPITCH, rel=1e-4)  # the optimiser's tolerance
     assert fit.converged
     assert fit.cost < 1e-6
-
-
-def test_the_same_call_gives_the_same_numbers():
-    """Two fits of the same data are identical to the last bit."""
-    first, second = (fitted(structures.rollpitch, ROLLPITCH, noise=0.05) for _ in range(2))
-    assert first.values == second.values
 
 
 def test_a_delay_of_many_turns_is_unwrapped():
@@ -271,77 +207,24 @@ def test_a_delay_of_many_turns_is_unwrapped():
 @pytest.mark.parametrize(
     ("structure", "options", "error", "message"),
     [
-        (structures.yaw_base, {"responses": ["r/lat"]}, UnknownNameError, "available: r/ped"),
-        (
-            structures.rollpitch.renamed({"p": "r", "q": "x"}),
-            {},
-            UnknownNameError,
-            "available: ped",
-        ),
+        (YAW_BASE, {"responses": ["r/lat"]}, UnknownNameError, "available: r/ped"),
         (structures.heave, {}, UnknownNameError, "available: r"),
-        (structures.yaw_base, {"band": (100.0, 200.0)}, IdentificationError, "widen the band"),
-        (structures.yaw_base, {"band": (math.nan, 3.0)}, InputError, "finite number, got nan"),
-        (structures.yaw_base, {"band": (2.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
-        (structures.yaw_base, {"band": (3.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
-        (structures.yaw_base, {"band": (-1.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
-        (structures.yaw_base, {"band": ("a", "b")}, InputError, r"band\[0\] must be a number"),
-        (structures.yaw_base, {"band": (1.0, 2.0, 3.0)}, InputError, "must be a list of 2 numbers"),
-        (structures.yaw_base, {"band": 5.0}, InputError, "must be a list of 2 numbers, got 5.0"),
-        (structures.yaw_base, {"band": (1.0, None)}, InputError, r"band\[1\] must be a number"),
-        (structures.yaw_base, {"band": {"q/ped": (1.0, 2.0)}}, UnknownNameError, "with a band"),
-        (structures.yaw_base, {"frequencies_per_response": 4}, InputError, "at least 5 and 1"),
-        (structures.yaw_base, {"searches": 0}, InputError, "at least 5 and 1"),
+        (YAW_BASE, {"band": (100.0, 200.0)}, IdentificationError, "widen the band"),
+        (YAW_BASE, {"band": (math.nan, 3.0)}, InputError, "finite number, got nan"),
+        (YAW_BASE, {"band": (2.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
+        (YAW_BASE, {"band": (-1.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
+        (YAW_BASE, {"band": 5.0}, InputError, "must be a list of 2 numbers, got 5.0"),
+        (YAW_BASE, {"band": {"q/ped": (1.0, 2.0)}}, UnknownNameError, "with a band"),
+        (YAW_BASE, {"frequencies_per_response": 4}, InputError, "an integer 5 or more, got 4"),
+        (YAW_BASE, {"searches": 0}, InputError, "searches must be an integer 1 or more"),
+        (YAW_BASE, {"seed": -1}, InputError, "seed must be an integer 0 or more"),
+        (YAW_BASE, {"weighting": "cifer"}, InputError, "weighting 'cifer'.*error, coherence"),
     ],
 )
 def test_bad_calls_are_refused_with_advice(structure, options, error, message):
     """Unknown responses, empty bands and bad numbers end in helisim's own errors."""
-    frf = of_model(structures.yaw_base, YAW)
     with pytest.raises(error, match=message):
-        identify(frf, structure, **options)
-    identify(frf, structures.yaw_base, frequencies_per_response=5, searches=1)
-
-
-STRUCTURE = Structure(
-    name="servo, mode and improper gain",
-    parameters=(
-        Parameter("up", "1", 3.0),
-        Parameter("down", "1", -2.0),
-        Parameter("none", "1", 0.0, scale=5.0),
-        Parameter("lag", "s", 0.1, bounds=(0.01, 1.0)),
-        Parameter("direct", "1", 1.0),
-        Parameter("coning", "s", 0.5),
-    ),
-    states=("x", "y"),
-    inputs=("u",),
-    outputs=("y", "a"),
-    M=(("1", "0"), ("0", "lag")),
-    F=(("down", "0"), ("none", "-1")),
-    G=(("up",), ("0",)),
-    H0=(("0", "1"), ("1", "0")),
-    D=(("0",), ("direct",)),
-    D1=(("0",), ("coning",)),
-)
-
-
-def test_signs_of_starts_are_kept_unless_they_are_flipped():
-    """A start's sign is known, and its order of magnitude; of a zero only the scale is."""
-    random = np.random.default_rng(2)
-    found = np.array([scattered(STRUCTURE, random, 0.0) for _ in range(400)])
-    assert np.all(found[:, :2] * [1.0, -1.0] > 0.0)
-    # the median of a factor that is symmetric in the logarithm is 1; 400 draws scatter by 6 %
-    assert np.median(found[:, :2], axis=0) == pytest.approx([3.0, -2.0], rel=0.3)
-    assert 0.3 < np.mean(found[:, 2] > 0.0) < 0.7
-    assert np.std(found[:, 2]) == pytest.approx(5.0, rel=0.15)
-    turned = np.array([scattered(STRUCTURE, random, 1.0) for _ in range(400)])
-    # what has bounds isn't turned over
-    assert np.all(turned[:, [0, 1, 3]] * [-1.0, 1.0, 1.0] > 0.0)
-
-
-def test_gains_are_the_parameters_of_inputs_alone():
-    """Those of G, D and D1; one that stands in F or M too is none."""
-    tied = replace(STRUCTURE, F=(("down * up", "0"), ("none", "-1")))
-    for one, expected in ((STRUCTURE, ["up", "direct", "coning"]), (tied, ["direct", "coning"])):
-        assert [one.free[k].name for k in linear_parameters(one)] == expected
+        identify(of_model(YAW_BASE, YAW), structure, **options)
 
 
 WIDE = np.geomspace(0.1, 10.0, 80)
@@ -352,7 +235,7 @@ def curve(num, den, tau):
     return np.polyval(num, s) / np.polyval(den, s) * np.exp(-tau * s)
 
 
-@pytest.mark.parametrize("tau", [-0.25, 0.0, 0.2, 0.5, 1.25])
+@pytest.mark.parametrize("tau", [-0.25, 0.5, 1.25])
 def test_a_rational_fit_needs_no_start(tau):
     """Exact data of (2 s^2 - s + 5)/(s^3 + 3 s^2 + 4 s + 2): coefficients to 1e-6, any delay.
 
@@ -367,7 +250,7 @@ def test_a_rational_fit_needs_no_start(tau):
     np.testing.assert_allclose(fits.denominators[best], den[::-1], rtol=1e-6)
 
 
-@pytest.mark.parametrize("given", [{"b1": 0.0}, {"a0": 0.0}, {"b1": 0.0, "a0": 0.0}, {"tau": 0.4}])
+@pytest.mark.parametrize("given", [{"b1": 0.0, "a0": 0.0}, {"tau": 0.4}])
 def test_what_is_given_of_a_transfer_function_stays(given):
     """With coefficients or the delay fixed, the rest is found without a start likewise."""
     truth = {"b1": 3.0, "b0": -2.0, "a1": 1.5, "a0": 4.0, "tau": 0.4} | given
@@ -375,34 +258,6 @@ def test_what_is_given_of_a_transfer_function_stays(given):
     found = curve((truth["b1"], truth["b0"]), (1.0, truth["a1"], truth["a0"]), truth["tau"])
     fit = identify(data(found, WIDE), structure.with_fixed(given), searches=1)
     assert fit.values == pytest.approx(truth, rel=1e-6)
-
-
-def test_a_gain_with_a_delay_has_a_rational_fit_too():
-    """No poles: K e^(-tau s), of either sign."""
-    structure = structures.transfer_function(zeros=0, poles=0, input="u", output="y")
-    fit = identify(data(curve((-3.0,), (1.0,), 0.4), WIDE), structure)
-    assert fit.values == pytest.approx({"b0": -3.0, "tau": 0.4}, rel=1e-6)
-
-
-def test_the_grid_of_delays_follows_the_band_and_the_bounds():
-    """Half a radian at the top apart, from a lead of 0.3 s to 0.5 s or two cycles of the top."""
-    for top, last in ((40.0, 0.5), (10.0, 0.4 * np.pi), (2.0, 2.0 * np.pi)):
-        grid = delay_grid(np.array([0.1, top]))
-        assert (grid[0], grid[-1]) == pytest.approx((-0.3, last))
-        assert np.max(np.diff(grid)) <= 0.5 / top * (1.0 + 1e-9)
-    np.testing.assert_allclose(delay_grid(np.array([1.0, 10.0]), 0.0, 0.1), [0.0, 0.05, 0.1])
-
-
-def test_a_delay_of_a_fifth_of_a_second_is_found_in_noise():
-    """(0.4 s + 0.1)/(s^2 + 0.9 s + 2) e^(-0.2 s) in 10 % noise, whose errors the fit states."""
-    structure = structures.transfer_function(zeros=1, poles=2, input="u", output="y")
-    truth = {"b1": 0.4, "b0": 0.1, "a1": 0.9, "a0": 2.0, "tau": 0.2}
-    fit = identify(data(curve((0.4, 0.1), (1.0, 0.9, 2.0), 0.2), WIDE, noise=0.1), structure)
-    for name, value in truth.items():
-        assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error
-    assert fit["tau"].standard_error < 0.02
-    assert fit.searches_agreeing >= 2
-    assert fit.excellent
 
 
 @pytest.mark.parametrize(("case", "number"), [("1/2", 6), ("rollpitch", 2)])
@@ -420,42 +275,6 @@ def test_sixty_random_systems_are_found(case, delay):
     """At least 59 of 60, for two seeds of no other use; 1.2 s are two cycles of the top."""
     for seed in (78, 79):
         assert study(case, delay, seed, 60) >= 59
-
-
-LAGGED = structures.first_order_delay(input="u", output="y")
-LATE_LAG = data(curve((20.0,), (1.0, 0.7), 0.2), WIDE)
-
-
-def test_starts_at_the_same_delay_do_not_confirm_each_other():
-    """Of three starts that end in one minimum, two at one delay, two count; one more elsewhere."""
-    delays = Delays(cost_of(LATE_LAG, LAGGED))
-    end = np.array([20.0, 0.7, 0.2])
-
-    def ended(cost, delay):
-        return Minimum(end, cost, True, Start(end, np.array([delay])))
-
-    alike = [ended(1.0, 0.2), ended(1.00001, 0.2), ended(1.0, 0.21), ended(2.0, 0.4)]
-    assert agreed(alike, delays) == (alike[0], 1)
-    assert agreed([*alike, ended(1.0, 0.1)], delays)[1] == 2
-    alone = identify(LATE_LAG, LAGGED, searches=1)
-    assert alone.searches_agreeing == 1
-    assert "different delays" in alone.remarks[0]
-    assert identify(LATE_LAG, LAGGED).searches_agreeing >= 2
-
-
-def test_a_minimum_is_looked_past_on_both_sides():
-    """Two radians of the band's top shorter and longer, gains solved, never beyond the bounds."""
-    cost = cost_of(LATE_LAG, LAGGED)
-    shorter, longer = beside(cost, np.array([20.0, 0.7, 0.15]))
-    assert (shorter.delays[0], longer.delays[0]) == pytest.approx((-0.05, 0.35))
-    for start in (shorter, longer):
-        assert start.x[1:] == pytest.approx([0.7, start.delays[0]])
-        moved = np.array([20.0, *start.x[1:]])
-        assert np.sum(cost.relative(start.x) ** 2) < np.sum(cost.relative(moved) ** 2)
-    near = beside(cost, np.array([20.0, 0.7, -0.25]))
-    assert near[0].delays[0] == pytest.approx(-0.3)
-    known = LAGGED.with_fixed({"tau": 0.2})
-    assert beside(Cost(known, cost.points), np.array([20.0, 0.7])) == []
 
 
 def test_each_delay_of_a_structure_is_scanned_whatever_the_signs():
@@ -533,16 +352,6 @@ def test_what_a_known_error_makes_of_the_others_is_what_fits_with_other_values_f
     assert known["lag"].interval == pytest.approx((0.05 - 0.0196, 0.05 + 0.0196))
 
 
-def test_the_errors_are_the_covariance_s_and_the_bound_is_the_larger(known):
-    """Standard errors squared are its diagonal; three of them count where they exceed CR."""
-    errors = [known[one.name].standard_error for one in BEHIND_SERVO.free]
-    assert np.diagonal(known.covariance) == pytest.approx(np.square(errors), rel=1e-12)
-    assert not known.covariance.flags.writeable
-    one = known["N_ped"]
-    assert replace(one, cramer_rao=1.0, standard_error=0.5).bound == 1.5
-    assert replace(one, cramer_rao=2.0, standard_error=0.5).bound == 2.0
-
-
 def test_the_misfit_is_what_the_structure_cannot_follow():
     """A first order fitted to itself times a ripple of 2 % leaves that ripple's rms."""
     ripple = 1.0 + 0.02 * np.sqrt(2.0) * np.cos(2.0 * np.pi * np.arange(AT.size) / 2.5)
@@ -557,25 +366,6 @@ def test_the_misfit_is_what_the_structure_cannot_follow():
     assert "dB, " in str(found)
 
 
-def test_beyond_noise_nothing_is_left_where_the_structure_is_right():
-    """Residuals drawn from the errors' covariance: the ratio is 1, the misfit far below them."""
-    spread = 0.02
-    ratios, squares = [], []
-    for seed in range(60):
-        measured = yaw_data(50.0 / (AT + 0.7) / (1.0 + 0.05 * AT), noise=spread, seed=seed)
-        points = select(measured, BEHIND_SERVO, band=None, responses=None, count=30)
-        covariance = 2.0 * spread**2 * np.eye(AT.size, dtype=complex)
-        cost = Cost(BEHIND_SERVO, replace(points, covariance=covariance))
-        fit = identify(measured, BEHIND_SERVO, searches=1)
-        quality = accuracy(cost, np.array([fit.values[one.name] for one in BEHIND_SERVO.free]))
-        ratios.append(quality.ratio)
-        squares.append(np.sum(quality.noise) / AT.size)
-    # 60 ratios of 58 squares each: their mean scatters by sqrt(2 / 58 / 60), 2.4 %
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.08)
-    # 60 residuals and 2 parameters: 58 of 60 parts of the noise are left
-    assert np.mean(squares) == pytest.approx(2.0 * spread**2 * 58.0 / 60.0, rel=0.02)
-
-
 def test_without_known_errors_residuals_count_as_independent():
     """Standard errors are then those of least squares, with n minus p degrees of freedom."""
     cost = cost_of(of_model(structures.yaw_base, YAW, noise=0.05, seed=5), structures.yaw_base)
@@ -584,5 +374,3 @@ def test_without_known_errors_residuals_count_as_independent():
     variance = residual @ residual / (residual.size - x.size)
     expected = np.sqrt(variance * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert accuracy(cost, x).standard_error == pytest.approx(expected, rel=1e-8)
-    with pytest.raises(IdentificationError, match="errors are not known"):
-        _ = cost.spread

@@ -6,18 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
+from helisim.ident import Parameter, Structure, identify, structures
+from ident_data import data
 
 FREQUENCY = np.geomspace(0.5, 20.0, 60)
 WOBBLE = np.random.default_rng(0).standard_normal((2, 60)).T @ [1.0, 1.0j]
-LAG = structures.first_order_delay(input="lat", output="p")
+LAG = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
 
 
 def measured():
     """3 e^(-0.1 s) / (s + 2) with 1 % of noise."""
     s = 1j * FREQUENCY
     known = 3.0 / (s + 2.0) * np.exp(-0.1 * s + 0.01 * WOBBLE)
-    return FrequencyResponse.exact(FREQUENCY, known[None, None], inputs=["lat"], outputs=["p"])
+    return data(known, FREQUENCY, inputs=["lat"], outputs=["p"])
 
 
 def test_what_only_rounding_sees_has_no_bounds():
@@ -37,8 +38,7 @@ def test_what_only_rounding_sees_has_no_bounds():
         H0=(("1", "1", "-1/3"),),
     )
     known = -40.0 / (1j * FREQUENCY + 0.6) * np.exp(0.01 * WOBBLE)
-    frf = FrequencyResponse.exact(FREQUENCY, known[None, None], inputs=["col"], outputs=["w"])
-    fit = identify(frf, structure)
+    fit = identify(data(known, FREQUENCY, inputs=["col"], outputs=["w"]), structure)
     assert math.isinf(fit["M_col"].cramer_rao)
     assert math.isinf(fit["M_col"].standard_error)
     assert fit["M_col"].support == "not seen"

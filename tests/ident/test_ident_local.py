@@ -5,19 +5,14 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from helisim.ident import frequency_response
-from helisim.ident.local import WIDTHS, Task, choose, estimate_bands, smoothed, transients
+from helisim.ident.local import Task, estimate_bands, transients
 from helisim.ident.local_fit import Lines, fit_band, flight_lines
 from helisim.ident.scatter import LineWeights, LocalScatter
-from helisim.records.record import FlightRecord, channel
+from ident_data import record
 
 STEP = 0.05
 LIGHT = np.poly(0.995 * np.exp([0.05j, -0.05j]))
 """Denominator of a mode at 1 rad/s with a damping of 0.1, in steps of 0.05 s."""
-
-
-def record(step=STEP, **columns):
-    values = np.stack(list(columns.values()), axis=1)
-    return FlightRecord(np.arange(len(values)) * step, values, tuple(map(channel, columns)))
 
 
 def truth(b, a, frequency):
@@ -47,24 +42,14 @@ def test_a_gain_comes_back_to_rounding():
     assert np.all(frf.coherence > 0.999999)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_lightly_damped_mode_is_not_smeared(seed):
+def test_a_lightly_damped_mode_is_not_smeared():
     """Half of its width is two lines; what is left is 0.1 % at most, where windows leave 30 %."""
-    flights = [cut(10 * seed + k, [0.01], LIGHT) for k in range(2)]
+    flights = [cut(k, [0.01], LIGHT) for k in range(2)]
     local = frequency_response(flights, estimator="local", **ASKED)
     windows = frequency_response(flights, estimator="windows", **ASKED)
     expected = truth([0.01], LIGHT, local.frequency)
     assert worst(local, expected) < 1e-3
     assert worst(windows, expected) > 0.2
-
-
-def test_lengths_and_rates_of_flights_may_differ():
-    """Each flight has lines of its own."""
-    lat = np.random.default_rng(5).standard_normal(3000)
-    p = lfilter([0.3], [1.0, -0.7], lat)
-    flights = [record(lat=lat[:1300], p=p[:1300]), record(lat=lat[1300:], p=p[1300:])]
-    frf = frequency_response(flights, estimator="local", **ASKED)
-    assert worst(frf, truth([0.3], [1.0, -0.7], frf.frequency)) < 1e-3
 
 
 def unstable(seed, disturbance=0.0, samples=2400):
@@ -121,35 +106,6 @@ def fit_at(made, middle, transient):
     return fit_band(made, [0, 1], [2, 3], middle, 0.4 * middle, transient=transient)
 
 
-@pytest.mark.parametrize("transient", [False, True])
-@pytest.mark.parametrize("middle", MIDDLE)
-def test_a_polynomial_response_comes_back_with_its_transients(middle, transient):
-    """Order 2 in the logarithm, transients of 1/w, 1 and w of each flight: nothing is left."""
-    random = np.random.default_rng(7)
-    a = random.normal(size=(3, 2, 2)) + 1j * random.normal(size=(3, 2, 2))
-
-    def start(flight, w):
-        size = (flight + 1) * np.array([[3.0, -2.0j, 0.5], [1.0j, 4.0, -1.0]])
-        return size @ np.stack([1.0 / w, np.ones_like(w), w])
-
-    made = lines(
-        lambda w: sum(a[k][..., None] * np.log(w / middle) ** k for k in range(3)),
-        start if transient else None,
-    )
-    fit = fit_at(made, middle, transient)
-    assert fit.fits.all()
-    assert fit.gain[0] == pytest.approx(a[0], rel=1e-8)
-    assert np.abs(fit.residual).max() < 1e-16 * np.abs(made.values).max() ** 2
-
-
-def test_a_pole_in_the_band_comes_back():
-    """1 / (1 - (w - w0) / p) beside a polynomial: a resonance narrower than the band."""
-    place = 0.05 + 0.15j
-    made = lines(lambda w: (np.eye(2) + 0.5)[..., None] / (1.0 - (w / 2.0 - 1.0) / place))
-    # without the pole a polynomial of order 2 misses this by a quarter
-    assert fit_at(made, 2.0, False).gain[0] == pytest.approx(np.eye(2) + 0.5, abs=1e-6)
-
-
 def test_the_gain_is_its_weights_sum_and_errs_as_they_say():
     """E of a residual's spectrum is the disturbance's, E|dG|^2 is the weights' sum of squares."""
     noise, gaps, stated, rest, freedom = 0.3, [], [], [], []
@@ -195,81 +151,6 @@ def test_a_records_lines_hold_its_power():
             centred = centred - np.outer(alternating, alternating @ centred) / samples
         assert power == pytest.approx(np.mean(centred**2, axis=0), rel=1e-9)
         assert np.all(found.values[flight, found.count[flight] :] == 0.0)
-
-
-def between(low, high):
-    """Return the lines of each flight from `low` to `high`, ends included, the level never."""
-    return [
-        [n for n in range(1, most) if low - 1e-9 <= n * spacing <= high + 1e-9]
-        for spacing, most in zip(SPACING, COUNT)
-    ]
-
-
-def test_lines_within_are_those_between():
-    """Ends included, the level never."""
-    low, high = np.array([0.0, 0.06, 7.5]), np.array([0.05, 1.0, 99.0])
-    first, count = lines(lambda w: np.ones((2, 2, w.size))).within(low, high)
-    for k in range(low.size):
-        for flight, inside in enumerate(between(low[k], high[k])):
-            assert count[k, flight] == len(inside)
-            assert not inside or first[k, flight] == inside[0]
-
-
-# Averages over neighbours and widths
-
-
-def test_a_mean_over_neighbours_is_gaussian_in_the_logarithm():
-    """A constant stays; one point's share falls as exp(-d^2/2); nothing counted gives zero."""
-    frequency, spike, weight = np.geomspace(1.0, 10.0, 31), np.zeros(31), np.ones(31)
-    assert smoothed(np.full(31, 4.2), frequency, weight, 0.2) == pytest.approx(np.full(31, 4.2))
-    spike[15] = 1.0
-    mean = smoothed(spike, frequency, weight, 0.2)
-    d = np.subtract.outer(np.log(frequency), np.log(frequency)) / 0.2
-    total = np.exp(-0.5 * d**2).sum(axis=1)
-    assert mean[19] / mean[15] == pytest.approx(
-        np.exp(-0.5 * d[15, 19] ** 2) * total[15] / total[19]
-    )
-    assert np.all(smoothed(spike, frequency, np.zeros(31), 0.2) == 0.0)
-
-
-def chosen(bias, lowest=0, **more):
-    """Return the choice between three widths with given biases, G = 2; the widest alone below."""
-    variance, n_freq = [4e-4, 2e-4, 1e-4], 40
-    gain = 2.0 + np.asarray(bias)[:, None, None, None] + np.zeros((3, 1, 1, n_freq), dtype=complex)
-    # wider ones average the narrower one's lines too: cov = the wider's
-    shared = np.minimum.outer(variance, variance)[:, :, None, None] * np.ones((1, 1, 1, n_freq))
-    valid = np.ones((3, n_freq), dtype=bool)
-    valid[:2, :lowest] = False
-    widths, frequency = np.array([0.1, 0.2, 0.4]), np.geomspace(1.0, 8.0, n_freq)
-    return choose(gain, shared, np.ones((1, n_freq)), valid, widths, frequency, **more)
-
-
-def test_widths_count_by_variance_and_bias():
-    """Shares go with the inverse squares of the variances; a biased width is left out.
-
-    Squared gaps less their chance are squared biases; the narrowest's follows by the law.
-    """
-    choice = chosen([0.0, 0.0, 0.0])
-    # 1 to 4 to 16, and the smallest share, 1/21, is below a twentieth and left out
-    assert choice.share[:, 0, 0, 20] == pytest.approx([0.0, 0.2, 0.8])
-    assert np.all(choice.bias == 0.0)
-    choice = chosen([0.0, 0.0, 0.5])
-    assert np.all(choice.share[2] == 0.0)
-    assert choice.share[:2, 0, 0, 20] == pytest.approx([0.2, 0.8])
-    choice = chosen([0.0, 0.3, 0.3])
-    assert choice.share[0, 0, 0, 20] == 1.0
-    # gap^2 - 1.5 (var_1 - var_2) of the first two: by half the chance it must be sure. Biases grow
-    # with the width to the power 4, so the gap is b (1 - 2^-4), and the narrowest's b / 2^4
-    surely = (0.09 - 1.5 * 2e-4) / (1.0 - 2.0**-4) ** 2
-    assert choice.bias[0, 0, 20] ** 2 == pytest.approx(surely / 2.0**8, rel=1e-9)
-
-
-def test_a_single_band_wider_than_its_frequency_is_not_to_be_trusted():
-    """There is nothing to see its bias by, so it is stated as the response's own size, G = 2."""
-    choice = chosen([0.0, 0.0, 0.0], lowest=5, widest=0.3)
-    assert choice.bias[0, 0, :5] == pytest.approx(2.0)
-    assert np.all(choice.bias[0, 0, 6:] == 0.0)
-    assert np.all(chosen([0.0, 0.0, 0.0], lowest=5, widest=0.5).bias == 0.0)
 
 
 # The error model
@@ -374,47 +255,6 @@ def test_transients_are_estimated_where_they_are():
     assert np.all(found[FREQUENCY < 0.8])
     assert not np.any(found[FREQUENCY > 4.0])
     assert not np.any(transients(task(lines(smooth, noise=0.3))))
-
-
-def test_a_band_has_lines_enough_and_four_widths_at_most():
-    """1.5 lines for each of 6 coefficients and 4 more; the narrowest such and three wider ones.
-
-    The widest of them reaches to the frequency itself at most.
-    """
-    bands = estimate_bands(task(lines(smooth, noise=0.3)))
-    for k, w in enumerate(FREQUENCY):
-        counts = [sum(map(len, between(w * (1.0 - x), w * (1.0 + x)))) for x in WIDTHS]
-        enough = [count >= 1.5 * (2 * 3 + 4) for count in counts]
-        first = enough.index(True)
-        expected = [
-            one and number < first + 4 and (number == first or WIDTHS[number] <= 1.0)
-            for number, one in enumerate(enough)
-        ]
-        assert list(bands.valid[:, k]) == expected
-        assert sorted(bands.weights[k]) == list(np.flatnonzero(bands.valid[:, k]))
-
-
-def test_every_width_is_near_a_smooth_response_and_errs_as_its_weights_say():
-    """Wider bands scatter less; what widths share is the product of their weights."""
-    bands = estimate_bands(task(lines(smooth, noise=0.05, seed=4)))
-    true, shared = smooth(FREQUENCY), bands.shared()
-    for k in range(0, FREQUENCY.size, 7):
-        used = np.flatnonzero(bands.valid[:, k])
-        rows = np.zeros((used.size, 2, 2, COUNT.max() + 99), dtype=complex)
-        for row, width in zip(rows, used):
-            first, value = bands.weights[k][width]
-            for flight, begin in enumerate(first):
-                row[:, flight, begin : begin + value.shape[2]] = value[:, flight]
-        total = np.real(np.einsum("aiel,biel->abi", rows, rows.conj()))
-        # weights are in single precision
-        assert shared[np.ix_(used, used, [0, 1], [k])][..., 0] == pytest.approx(
-            total, rel=1e-4, abs=1e-7
-        )
-        own = shared[used, used, 0, k]
-        assert np.all(np.diff(own) < 0.0)
-        # five deviations of a complex number, or 2 % of a slope across the widest band
-        allowed = 5.0 * 0.05 * np.sqrt(own)[:, None, None] + 0.02
-        assert np.all(np.abs(bands.gain[used, :, :, k] - true[:, :, k]) < allowed)
 
 
 def test_with_references_responses_are_ratios():

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import bilinear_zpk, freqz_zpk, tf2zpk
-from small_laws import HOLDS
 
-from helisim.design.laws import AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch
+from helisim.design.laws import AttitudeCommand, Lead
 from helisim.design.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
 from helisim.physics.gyro import Seen
+from small_laws import HOLDS
 
 PERIOD = 0.002
 STILL = Seen(*np.zeros(len(Seen._fields)).tolist())
@@ -36,7 +36,7 @@ class Ticks:
         return self.state[int(self.settings[STATES[stick]]) :]
 
 
-@pytest.mark.parametrize("damping", [0.5, 1.0, 1.5, 200.0])
+@pytest.mark.parametrize("damping", [0.5, 1.0, 1.5, 200.0, 1e6])
 def test_command_model_is_a_second_order_system(damping):
     """Its step, as text books have it: x = 1 - (s2 e^(s1 t) - s1 e^(s2 t)) / (s2 - s1)."""
     w = 6.0
@@ -54,25 +54,15 @@ def test_command_model_is_a_second_order_system(damping):
     np.testing.assert_allclose(angles, 0.6 * 0.5 * step.real, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "one", [Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0), Lowpass(frequency=90.0)]
-)
+@pytest.mark.parametrize("one", [Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0)])
 def test_filters_are_those_of_scipy_s_bilinear_rule(one):
-    b0, b1, b2, a1, a2 = one.coefficients(PERIOD)
+    b0, b1, a1 = one.coefficients(PERIOD)
     z = np.exp(1j * OMEGA * PERIOD)
-    ours = (b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2)
-    above, below = (np.trim_zeros(part[::-1], "f") for part in one.ratio)
+    ours = (b0 + b1 / z) / (1.0 + a1 / z)
+    above, below = ([1.0 / place, 1.0] for place in (one.zero, one.pole))
     zpk = bilinear_zpk(*tf2zpk(above, below), 1.0 / PERIOD)
     theirs = freqz_zpk(*zpk, worN=OMEGA, fs=2.0 * np.pi / PERIOD)[1]
     np.testing.assert_allclose(ours, theirs, rtol=1e-10)
-
-
-def test_a_notch_stays_where_it_is_put():
-    """Sampled slowly its depth is at its frequency still, and nothing far below."""
-    b0, b1, b2, a1, a2 = Notch(frequency=60.0, depth=0.05).coefficients(0.02)
-    z = np.exp(1j * np.array([60.0, 0.01]) * 0.02)
-    gain = np.abs((b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2))
-    np.testing.assert_allclose(gain, [0.05, 1.0], rtol=1e-5)
 
 
 def test_an_inverse_ahead_makes_the_aircraft_follow_its_model():
@@ -91,7 +81,6 @@ def test_an_inverse_ahead_makes_the_aircraft_follow_its_model():
 
 
 def test_a_law_that_lacks_a_signal_closes_no_loop():
-    """Nothing says the attitude: no answer rather than that of another law."""
     rates_alone = Roll(3.0, 60.0)
     rates_alone.outputs = ("p", "r")
     loop = ClosedLoop(rates_alone, HOLDS.linear(PERIOD), OMEGA)
@@ -136,29 +125,7 @@ def test_a_heading_that_can_not_be_reached_is_let_go():
 
 
 def test_a_heading_is_held_through_south():
-    """Turned from just east of south to just west of it, the tail's command goes on smoothly."""
     ticks = Ticks(HOLDS)
     ticks.states("PED")[0] = math.pi - 0.001
     commands = [ticks(psi=psi)[3] for psi in (math.pi - 0.002, -math.pi + 0.002)]
     assert abs(commands[1] - commands[0]) < 0.01
-
-
-def test_computing_takes_whole_ticks():
-    """The law of 3 ticks of delay gives what the one of none gave 3 ticks before."""
-    at_once, later = Ticks(HOLDS), Ticks(replace(HOLDS, delay=3 * PERIOD))
-    rng = np.random.default_rng(1)
-    seen = [dict(zip(("phi", "p", "q", "LAT"), 0.1 * row)) for row in rng.standard_normal((30, 4))]
-    first = np.array([at_once(**one) for one in seen])
-    second = np.array([later(**one) for one in seen])
-    np.testing.assert_array_equal(second[3:], first[:-3])
-    np.testing.assert_array_equal(second[:3], 0.0)
-
-
-def test_heave_is_damped_by_the_specific_force():
-    """Sinking ever faster for a fifth of a second raises the collective by k w; then it fades."""
-    law = replace(HOLDS, col=HeaveAxis(k_velocity=0.05, washout=2.0))
-    ticks = Ticks(law)
-    sinks = [ticks(az=2.0)[0] for _ in range(100)][-1]
-    assert sinks == pytest.approx(0.05 * 2.0 * 0.2, rel=0.2)  # washed out by a tenth of 2 s, twice
-    fades = [ticks()[0] for _ in range(8000)][-1]
-    assert abs(fades) < 1e-3

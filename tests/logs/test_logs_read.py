@@ -41,6 +41,7 @@ def test_pulses_are_unitised_by_trim_and_range(tmp_path):
     path = write(tmp_path / "a.csv", [0, 1, 2], [1120, 1520, 1920], header="t [s],c1")
     log = read_log(path, channels={"lat": Column("c1", "us", trim=1520, range=800)})
     assert log.record["lat"].tolist() == [-0.5, 0.0, 0.5]
+    assert log.report.columns["lat"] == "('c1' - 1520) / 800 [us] in 1"
     with pytest.raises(InputError, match="trim"):
         read_log(path, channels={"lat": Column("c1", "us")})
 
@@ -49,7 +50,6 @@ STAMPS = {
     "s": ["1700000000.000001", "1700000000.010001", "1700000000.020001"],
     "us": ["1700000000000001", "1700000000010001", "1700000000020001"],
     "ns": ["1700000000000000001", "1700000000010000001", "1700000000020000001"],
-    "iso8601": [f"2024-05-01T12:00:00.0{k}Z" for k in range(3)],
 }
 
 
@@ -63,21 +63,23 @@ def test_clocks_since_1970_lose_nothing(tmp_path, unit, stamps):
     assert record.time[0] == 0.0
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "latin-1"])
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
+@pytest.mark.parametrize(
+    ("encoding", "delimiter"),
+    [("utf-8", ","), ("utf-8-sig", ";"), ("utf-16", "\t"), ("latin-1", "|")],
+)
 def test_encoding_and_delimiter_are_found_out(tmp_path, encoding, delimiter):
-    """Every usual encoding, delimiter and line end gives the same numbers."""
     path = tmp_path / "a.csv"
     lines = ["Zeit [s],größe [°/s],x", "0,90,1", "1,180,2"]
     path.write_bytes("\r\n".join(lines).replace(",", delimiter).encode(encoding))
     log = read_log(path, channels={"p": Column("größe")}, time="Zeit")
     assert log.record["p"] == pytest.approx([math.pi / 2.0, math.pi])
     assert log.report.unused == ("x",)
-    assert ("encoding" in {one.kind for one in log.report.findings}) == (encoding == "latin-1")
+    assert [one.kind for one in log.report.findings] == ["encoding"] * (encoding == "latin-1")
+    assert log.report.repairs == ()
 
 
 def test_other_layouts(tmp_path):
-    """Decimal commas, a line of units, a header in a comment, and no header at all are read."""
+    """Decimal commas, a line of units, and comments above are read."""
     path = tmp_path / "a.csv"
     path.write_text("t;p\ns;deg/s\n0,0;1,5\n0,5;2,5\n")
     layout = Layout(decimal=",", skip=1)
@@ -85,11 +87,11 @@ def test_other_layouts(tmp_path):
     assert decimal["p"].tolist() == [1.5, 2.5]
     with pytest.raises(StorageError, match="line 2"):
         read_log(path, channels=Map(P, Clock("t", "s")))
-    path.write_text("# made by x\n# t,p\n0,1\n1,2\n")
+    path.write_text("# made by x\n\nt,p\n0,1\n \n1,2\n")
     assert len(read_log(path, channels=P, time=Clock("t", "s")).record) == 2
     path.write_text("0,1\n1,2\n")
-    named = Map(P, Clock("t", "s"), Layout(names=("t", "p")))
-    assert read_log(path, channels=named).record["p"].tolist() == [1.0, 2.0]
+    with pytest.raises(StorageError, match="line 1: numbers, expected the columns' names"):
+        read_log(path, channels=P, time=Clock("t", "s"))
     path.write_text("p\n1\n2\n3\n")
     assert read_log(path, channels=P, time=Clock(rate=50.0)).record.sample_time == 0.02
 
@@ -104,32 +106,23 @@ def test_columns_that_state_their_unit_need_no_map(tmp_path):
 
 
 def test_repairs_do_what_they_say(tmp_path):
-    """Duplicates are averaged, holes filled, resets and gaps split, rows sorted, tails cut."""
     t = np.arange(10.0)
     tail = tmp_path / "tail.csv"
     tail.write_text("t [s],p,q\n0,1,2\n1,2,3\n2,3")
-    with pytest.raises(StorageError, match=r"line 4.*'tail'"):
-        read_log(tail, channels=P)
-    log = read_log(tail, channels=P, repair=("tail",))
-    assert (len(log.record), log.report.repairs[0].rows) == (2, (4,))
+    log = read_log(tail, channels=P)
+    assert (len(log.record), log.report.repairs[0].kind) == (2, "incomplete last line")
     same = write(tmp_path / "same.csv", [0, 1, 1, 2], [0, 1, 3, 4])
     assert read_log(same, channels=P, repair=("duplicates",)).record["p"].tolist() == [0, 2, 4]
     holes = write(tmp_path / "holes.csv", t, np.where(t == 4, np.nan, 2.0 * t))
     filled = read_log(holes, channels=P, repair=("missing",))
     assert filled.record["p"] == pytest.approx(2.0 * t)
-    assert filled.report.repairs[0].rows == (6,)
+    (hole,) = filled.report.repairs
+    assert hole.rows == (6,)
+    assert hole.text.startswith("column 'p', line 6: no number (1 of 10 numbers are missing)")
     resets = write(tmp_path / "resets.csv", [0, 1, 2, 0, 1, 2, 3], range(7))
     assert [len(x) for x in read_log(resets, channels=P, repair=("resets",)).records] == [3, 4]
     with pytest.raises(RecordError, match="2 parts"):
         _ = read_log(resets, channels=P, repair=("resets",)).record
-    order = write(tmp_path / "order.csv", [0, 2, 1, 3], [0, 2, 1, 3])
-    assert read_log(order, channels=P, repair=("order",)).record["p"].tolist() == [0, 1, 2, 3]
-    gaps = write(tmp_path / "gaps.csv", np.r_[t, t + 30, 60.0], np.r_[t, t, 0.0])
-    log = read_log(gaps, channels=P, repair=("gaps",))
-    assert [len(x) for x in log.records] == [10, 10]
-    assert {"gap", "short part"} == {one.kind for one in log.report.repairs}
-    assert log.records[0].provenance["log"]["findings"][0]["kind"] == "gap"
-    assert [one.kind for one in read_log(gaps, channels=P).report.findings] == ["gap"]
 
 
 def test_angles_are_made_continuous(tmp_path):
@@ -139,7 +132,8 @@ def test_angles_are_made_continuous(tmp_path):
     path = write(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")
     log = read_log(path, channels=["psi"], resample_hz=2.0)
     assert log.record["psi"] == pytest.approx(np.radians(10.0) * log.record.time)
-    assert log.report.repairs[0].kind == "angle wraps"
+    (wraps,) = log.report.repairs
+    assert (wraps.kind, wraps.count, wraps.rows) == ("angle wraps", 1, (20,))
 
 
 def test_resampling_is_filtered_and_even(tmp_path):
@@ -194,13 +188,13 @@ def test_helisim_records_need_no_map(tmp_path, suffix):
     path = write_record(record, tmp_path / f"a{suffix}")
     log = read_log(path)
     assert np.array_equal(log.record.time, time)
-    assert log.record.provenance["seed"] == 1
+    assert (log.record.provenance["seed"], log.report.origin) == (1, "3 s")
+    assert read_log(path, start=0.1, stop=0.3).record.time.tolist() == time[1:4].tolist()
     mapped = read_log(path, channels={"q": Column("p", "rad/s", sign=-1)}, time=Clock("time", "s"))
     assert mapped.record["q"].tolist() == [-1.0] * 5
 
 
 def test_a_map_is_read_from_toml(tmp_path):
-    """The TOML of the documentation gives the columns that it names."""
     path = tmp_path / "map.toml"
     path.write_text(
         '[time]\ncolumn = "t"\nunit = "us"\n\n[channels.p]\ncolumn = "gyro_x"\n'
@@ -210,4 +204,4 @@ def test_a_map_is_read_from_toml(tmp_path):
     assert map_.channels["p"] == Column("gyro_x", "deg/s", sign=-1)
     assert map_.channels["q"] == Column("q", "rad/s")
     assert map_.time == Clock("t", "us")
-    assert map_.layout.delimiter == ";"
+    assert map_.file.delimiter == ";"

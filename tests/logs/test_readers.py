@@ -10,7 +10,7 @@ import pytest
 
 import autopilot_logs
 from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
-from helisim.logs import Clock, Column, Layout, Map, read_log, source
+from helisim.logs import Clock, Column, Layout, Map, read_log
 from helisim.logs import ulog as module
 
 RATE = 0.004
@@ -34,11 +34,9 @@ def ulog(count=500):
 
 
 def dataflash(count=500):
-    """Return a DataFlash log of the same, with pulses of the radio."""
+    """Return a DataFlash log of the same gyro."""
     stamps, t = stamped(count)
-    gyro = {"X": np.sin(t), "Y": np.arange(count)}
-    pulses = {"C1": 1500.0 + 400.0 * np.cos(t[::5])}
-    return autopilot_logs.dataflash({"GYR": (stamps, gyro), "RCIN": (stamps[::5], pulses)})
+    return autopilot_logs.dataflash({"GYR": (stamps, {"X": np.sin(t), "Y": np.arange(count)})})
 
 
 def table(count=500):
@@ -59,11 +57,11 @@ def columnar(count=500):
 
 
 FORMATS = {
-    # bytes, the rate's column, another one, what rows are counted from
-    "CSV": (text, "p", "k", ("line", 2)),
-    "Parquet": (columnar, "p", "k", ("row", 0)),
-    "ULog": (ulog, "gyro.xyz[0]", "gyro.xyz[1]", ("row", 0)),
-    "DataFlash": (dataflash, "GYR.X", "GYR.Y", ("row", 0)),
+    # bytes, the rate's column, another one, what rows are counted from, the first stamp
+    "CSV": (text, "p", "k", ("line", 2, "5.0 s")),
+    "Parquet": (columnar, "p", "k", ("row", 0, "5.0 s")),
+    "ULog": (ulog, "gyro.xyz[0]", "gyro.xyz[1]", ("row", 0, "1000 us")),
+    "DataFlash": (dataflash, "GYR.X", "GYR.Y", ("row", 0, "1000 us")),
 }
 
 
@@ -79,13 +77,18 @@ def log_of(request, tmp_path):
 
 def test_every_format_gives_the_same_record(log_of):
     """Its numbers, clock, rows, unused columns and digest; its report is plain data."""
-    name, path, column, other, (counts, first) = log_of
+    name, path, column, other, (counts, first, origin) = log_of
     log = read_log(path, channels={"p": Column(column, "deg/s", sign=-1)})
     record, report = log.record, log.report
     assert record.sample_time == pytest.approx(RATE)
     assert record.time[0] == 0.0
     assert record["p"] == pytest.approx(-np.radians(np.sin(record.time)), abs=1e-8)
-    assert (report.format, report.counts, report.samples) == (name, counts, 500)
+    assert (report.format, report.counts, report.samples, report.origin) == (
+        name,
+        counts,
+        500,
+        origin,
+    )
     assert report.digest == hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
     assert other in report.unused
     assert log.where("p") == f"{path}, column {column!r}, {counts}s {first} to {first + 499}"
@@ -94,7 +97,7 @@ def test_every_format_gives_the_same_record(log_of):
     assert str(path) in str(report)
     part = read_log(path, channels={"p": Column(column, "rad/s")}, start=0.5, stop=1.0)
     assert len(part.record) == 126
-    assert [one.kind for one in part.report.repairs] == ["limits"]
+    assert [(one.kind, one.count) for one in part.report.repairs] == [("limits", 374)]
     even = read_log(path, channels={"p": Column(column, "rad/s")}, resample_hz=50.0)
     inside = slice(5, -5)
     assert even.record["p"][inside] == pytest.approx(np.sin(even.record.time[inside]), abs=1e-4)
@@ -103,7 +106,7 @@ def test_every_format_gives_the_same_record(log_of):
 @pytest.mark.parametrize(
     ("column", "options", "message"),
     [
-        (("nothere", "rad/s"), {}, "unknown column of channel 'p' 'nothere'; available: "),
+        (("nothere", "rad/s"), {}, "unknown column 'nothere'; available: "),
         ((None, "ft"), {}, "channel 'p' is in rad/s, but the unit 'ft' is one of m"),
         ((None, None), {}, "says its unit; give one, such as 'rad/s'"),
         ((None, "rad/s"), {"start": 3.0}, "samples from 3 s to the end, and the log goes from 0"),
@@ -112,50 +115,17 @@ def test_every_format_gives_the_same_record(log_of):
     ],
 )
 def test_what_no_format_allows_is_refused_in_one_way(log_of, column, options, message):
-    """The file, and what was given or is there."""
     _, path, own, _, _ = log_of
     name, unit = column
     with pytest.raises(HelisimError) as raised:
         read_log(path, channels={"p": Column(name or own, unit)}, **options)
     assert message in str(raised.value)
     assert str(path) in str(raised.value)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_damaged_logs_are_records_or_errors(tmp_path, name):
-    """Cut anywhere, or with bytes flipped, a log is a record or one of helisim's errors."""
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
-    make, column, *_ = FORMATS[name]
-    whole, path = make(60), tmp_path / "a.log"
-    random = np.random.default_rng(0)
-    read, messages = 0, []
-    for k in range(150):
-        cut = k % 4 > 1 or name in ("ULog", "DataFlash")  # a cut table is none
-        data = bytearray(whole[: random.integers(8, len(whole) + 1)] if cut else whole)
-        if k % 2:
-            for place in random.integers(0, len(data), size=5):
-                data[place] = random.integers(256)
-        path.write_bytes(bytes(data))
-        try:
-            read_log(path, channels={"p": Column(column, "rad/s")})
-            read += 1
-        except HelisimError as error:
-            messages.append(str(error))
-    assert read > 10
-    assert all("a.log" in message for message in messages)
-
-
-def test_names_and_times_in_a_file_do_not_steer_a_terminal(tmp_path):
-    """Control characters of a heading are left out wherever it is printed."""
-    path = tmp_path / "a.csv"
-    path.write_text("t [s],\x1b[2Jp [rad/s],q\x07\n0,1,2\n1,2,3\n2,3,4\n")
-    log = read_log(path)
-    assert log.record.names == ("[2Jp",)
-    assert not {"\x1b", "\x07"} & set(str(log.report) + repr(log) + repr(log.report.unused))
+    known = ["channel", "map"] if name else []
+    assert [one.name for found in raised.value.findings for one in found.remedy] == known
 
 
 def test_clocks_of_topics_meet_on_a_common_grid(tmp_path):
-    """Of PX4's gyro and sticks, and of ArduPilot's gyro and pulses of the radio."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     path = tmp_path / "a.ulg"
     path.write_bytes(ulog())
@@ -167,31 +137,22 @@ def test_clocks_of_topics_meet_on_a_common_grid(tmp_path):
     assert "resampled at 50 Hz, the slowest one's" in finding.text
     record = read_log(path, channels=channels, resample_hz=100.0).record
     assert record["LAT"][10:-10] == pytest.approx(np.cos(record.time[10:-10]), abs=1e-3)
-    path = tmp_path / "a.bin"
-    path.write_bytes(dataflash())
-    pulses = Column("RCIN.C1", "us", trim=1500, range=800)
-    channels = {"p": Column("GYR.X", "rad/s"), "LAT": pulses}
-    record = read_log(path, channels=channels, resample_hz=50.0).record
-    assert record["p"][10:-10] == pytest.approx(np.sin(record.time[10:-10]), abs=1e-4)
-    assert record["LAT"][10:-10] == pytest.approx(0.5 * np.cos(record.time[10:-10]), abs=1e-3)
 
 
 def test_lost_bytes_are_reported(tmp_path):
-    """A hole in a DataFlash log is in the report, and the gap that it leaves is found."""
     path, data = tmp_path / "a.bin", bytearray(dataflash())
     half = len(data) // 2
     data[half : half + 600] = bytes(600)
     path.write_bytes(bytes(data))
     channels = {"p": Column("GYR.X", "rad/s")}
-    report = read_log(path, channels=channels).report
-    assert {"corruption", "gap"} <= {finding.kind for finding in report.findings}
     with pytest.raises(RecordError, match="a gap"):
-        read_log(path, channels=channels, resample_hz=50.0)
-    assert len(read_log(path, channels=channels, resample_hz=50.0, repair=("gaps",)).records) == 2
+        read_log(path, channels=channels)
+    log = read_log(path, channels=channels, repair=("gaps",))
+    assert {"corruption", "gap"} <= {finding.kind for finding in log.report.findings}
+    assert len(log.records) == 2
 
 
 def test_a_missing_reader_says_what_to_install(tmp_path, monkeypatch):
-    """Without pyulog the message is the command that installs it."""
 
     def absent(name):
         raise ImportError(name)
@@ -215,8 +176,6 @@ def test_a_ulog_that_leads_in_circles_ends(tmp_path, tail):
 SECONDS = Clock("time", "s")
 T, P3 = ("time", TIMES), ("p", TIMES)
 BIG = pa.array([0, 1, 2**64 - 1], pa.uint64())
-WIDE = pa.array([-(2**62), 0, 2**62])
-DATES = "t [iso8601],p\n2024-05-01T12:00:00,1\n"
 
 
 @pytest.mark.parametrize(
@@ -225,32 +184,25 @@ DATES = "t [iso8601],p\n2024-05-01T12:00:00,1\n"
         # tables
         ((T, ("p", ["a", "b", "c"])), SECONDS, StorageError, "holds string"),
         ((("time", TIMES[:0]), ("p", TIMES[:0])), SECONDS, StorageError, "no rows"),
-        ((("x", TIMES), P3), None, InputError, "no column is time"),
-        ((("t", TIMES), T, P3), None, InputError, "several columns may be time"),
+        ((("x", TIMES), P3), None, InputError, "no column may be time"),
         ((T, P3), None, InputError, "says no unit"),
-        ((T, P3), Clock("clock", "s"), InputError, "clock"),
         ((T, P3), Clock("time", "iso8601"), StorageError, "only timestamps are"),
         ((("time", [0, None, 2]), P3), SECONDS, RecordError, "row 1"),
         ((("time", BIG), P3), SECONDS, RecordError, "column 'time'"),
-        ((("time", WIDE), P3), SECONDS, RecordError, "span too much"),
         ((T, ("p", [0.0, np.inf, 1.0])), SECONDS, RecordError, "p"),
         # text
-        ('t [s],"p\n0,1\n', None, StorageError, "header"),
+        ('t [s],"p\n0,1\n', None, StorageError, "line 1"),
         ("t [s],p\n", None, StorageError, "no numbers below the header"),
-        ("t [s],p\n0,1\n1,one\n2,3\n", None, StorageError, "'one' is not a number"),
-        ("t [s],p\n0,1\n1,1_0\n2,3\n", None, StorageError, "1_0"),
-        (DATES + "yesterday,2\n", None, StorageError, "yesterday"),
-        (DATES + "2024-05-01T12:00:01+02:00,2\n", None, StorageError, "another time zone"),
+        ("t [s],p\n0,1\n1,one\n2,3\n", None, StorageError, "line 3, column 'p': 'one' is not"),
+        ("t [iso8601],p\n2024-05-01,1\n", None, StorageError, "'2024-05-01' is a date as text"),
         ('t [s],p\n0,1\n1,"2\n', None, StorageError, "line"),
-        ("t [s],p,q\n0,1,2\n1,2,3\n2,3", None, StorageError, "line 4: 2 columns"),
-        ("0,1\n1,2\n", None, StorageError, "[file] names"),
+        ("t [s],p,q\n0,1,2\n1,2\n2,3,4", None, StorageError, "line 3: 2 columns"),
+        ("t [s],p\n0,1\n1,2,3", None, StorageError, "line 3: 3 columns"),
         ("t [s],p\n0,1\x00\n", None, StorageError, "line 2: holds a zero byte"),
-        ('{"p": 1}', None, StorageError, "JSON, which no log is in"),
         ("", None, StorageError, "the file is empty"),
     ],
 )
 def test_a_file_that_is_no_log_is_refused_by_its_place(tmp_path, content, time, error, message):
-    """The file, the column or line, and what it holds."""
     path = tmp_path / "a.log"
     if isinstance(content, str):
         path.write_text(content)
@@ -262,64 +214,36 @@ def test_a_file_that_is_no_log_is_refused_by_its_place(tmp_path, content, time, 
     assert "a.log" in str(raised.value)
 
 
-def test_a_table_of_too_many_columns_is_refused(tmp_path, monkeypatch):
-    """A limit on columns, as on bytes."""
-    monkeypatch.setattr(source, "MAX_COLUMNS", 3)
-    path = tmp_path / "a.parquet"
-    pq.write_table(pa.table(dict([T, P3, ("q", TIMES), ("r", TIMES)])), path)
-    with pytest.raises(StorageError, match="4 columns, at most 3 are read"):
-        read_log(path, channels=Map(P, SECONDS))
-
-
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_timestamps_of_a_table_are_seconds_since_the_first(tmp_path, unit):
     """Whatever they count, named as dates or not, or the only dates; a rate replaces them."""
     per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
-    stamps = pa.array([k * per_second for k in (5, 6, 7)], pa.timestamp(unit))
+    stamps = pa.array([k * per_second for k in (2, 3, 4)], pa.timestamp(unit))
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"when": stamps, "p": TIMES}), path)
     for time in (None, Clock("when"), Clock("when", "iso8601"), Clock(rate=1.0)):
         log = read_log(path, channels=Map(P, time))
         assert log.record.time == pytest.approx([0.0, 1.0, 2.0], abs=1e-12)
+        assert log.report.origin == ("0" if time and time.rate else "1970-01-01 00:00:02")
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Column(""), "expected a column's name"),
-        (lambda: Column("p", 3), "column 'p'.unit must be text, got 3"),
-        (lambda: Column("p", "rad/s", sign=2), "column 'p'.sign must be one of 1, -1, got 2"),
         (lambda: Column("p", "us", trim="mid"), "'p'.trim must be a number, got 'mid'"),
-        (lambda: Column("p", "us", range=0), "'p'.range must be a number above 0, got 0"),
-        (lambda: Column("p", "rad/s", unwrap="yes"), "column 'p'.unwrap must be true or false"),
-        (lambda: Column("p", "parsec"), "parsec"),
         (lambda: Clock(), "either a column or a rate"),
-        (lambda: Clock("t", "s", 50.0), "either a column or a rate"),
-        (lambda: Clock(3), "Clock.column must be text, got 3"),
-        (lambda: Clock("t", 3), "Clock.unit must be text, got 3"),
         (lambda: Clock("t", "fortnight"), "available: s, ms, us"),
-        (lambda: Clock(rate=-1.0), "-1"),
         (lambda: Layout(delimiter=";;"), "expected one character"),
-        (lambda: Layout(delimiter=",", decimal=","), "another character than the delimiter"),
-        (lambda: Layout(encoding="klingon"), "unknown encoding 'klingon'"),
-        (lambda: Layout(header=0), "Layout.header must be an integer 1 or more, got 0"),
-        (lambda: Layout(skip=-1), "Layout.skip must be an integer 0 or more, got -1"),
-        (lambda: Layout(names="p"), "Layout.names must be a list of names, got 'p'"),
-        (lambda: Map({"p": "p"}), "Map.channels.p must be a table (Column), got 'p'"),
+        (lambda: Layout(delimiter=",", decimal=","), "another than the decimal"),
         (lambda: Map({"time": Column("p")}), "can't be called 'time'"),
         ("[channels.p]\nunits = 'deg'", "available: column, unit, sign"),
-        ("[chanels.p]\n", "available: time, channels, file"),
-        ("[channels.p]\nunit = 'furlong'", "available: rad, deg"),
-        ("[channels.p]\nsign = 2", "channels.p.sign must be one of 1, -1"),
-        ("[channels.p]\nunit = 'us'\nrange = 0", "above 0"),
+        ("[chanels.p]\n", "available: channels, time, file"),
         ("[time]\nunit = 's'", "column or a rate"),
-        ("[time]\ncolumn = 't'\nunit = 'fortnight'", "available: s, ms, us"),
-        ("channels = 3", "table"),
         ("[channels", "TOML"),
     ],
 )
 def test_a_map_that_makes_no_sense_is_refused_by_its_entry(tmp_path, make, message):
-    """One line with what was given, what there is instead, and the file if it is one."""
     path = tmp_path / "map.toml"
     if isinstance(make, str):
         path.write_text(make)

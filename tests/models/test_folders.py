@@ -5,7 +5,7 @@ import shutil
 import mujoco
 import pytest
 
-from helisim.vehicle.folder import models_folder, vehicle_names
+from helisim.vehicle.parameters import models_folder, vehicle_names
 
 
 @pytest.mark.parametrize("name", vehicle_names())

@@ -14,11 +14,10 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot
-from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
+from helisim.physics.layout import DOUBLET, HISTORY, INJECTION, PARAM, STATE, SWEEP
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
-FORGOTTEN = slice(STATE.law_tick, None)
 GYRO_STATES = slice(STATE.gyro_q_filter, STATE.gyro_r_integral + 1)
 SERVOS = ("front", "left", "right", "tail")
 MIX = np.array([[1, 1, 0], [1, -0.5, np.sqrt(0.75)], [1, -0.5, -np.sqrt(0.75)]])
@@ -43,6 +42,8 @@ class Moment:
     lags: dict
     """Of the gyro's filters, s, which the force laws know by what they do in a period."""
     wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    added: np.ndarray = field(default_factory=lambda: np.zeros(len(INJECTION)))
+    """What a manoeuvre adds, where it is flown as a history: sticks, commands, servos, rates."""
 
     @property
     def p(self) -> SimpleNamespace:
@@ -52,14 +53,13 @@ class Moment:
     def s(self) -> SimpleNamespace:
         return SimpleNamespace(**dict(zip(STATE._fields, self.act)))
 
+    def injected(self, first: int, count: int) -> np.ndarray:
+        on = self.p.excitation == HISTORY
+        return on * self.added[first : first + count]
+
     @property
     def last_tick(self) -> float:
         return self.p.gyro_period * np.floor(self.clock / self.p.gyro_period + 1e-6)
-
-    @property
-    def restarting(self) -> bool:
-        p, now = self.p, self.last_tick + 1e-9
-        return bool(p.faults and p.restart_at <= now < p.restart_until)
 
 
 def turbulence(p):
@@ -100,23 +100,13 @@ def air(m):
     return np.concatenate([m.earth.T @ velocity, m.earth.T @ rates])
 
 
-def sensed(m):
-    """Return p, q, r as the gyro reads them."""
-    p, s, rates = m.p, m.s, m.rates.copy()
-    if p.faults and p.dropout_at <= m.last_tick + 1e-9 < p.dropout_until:
-        held = (s.read_p, s.read_q, s.read_r)
-        for k, how in enumerate((p.dropout_p, p.dropout_q, p.dropout_r)):
-            rates[k] = {READS_ZERO: 0.0, READS_HELD: held[k]}.get(how, rates[k])
-    return rates
-
-
 def gyro(m):
     """Return the commands lat, lon, ped, not yet limited, and the gyro's states at the next tick.
 
     Filters and integrals by the matrix exponential of their equations, what is read being held.
     """
     p, s = m.p, m.s
-    roll, pitch, yaw = sensed(m)
+    roll, pitch, yaw = m.rates + m.injected(INJECTION.rate_p, 3)
 
     def unless_saturated(error, command):
         return 0.0 if abs(command) > p.gyro_hold_above and error * command > 0.0 else 1.0
@@ -185,7 +175,7 @@ def sticks(m):
         held[k] += (
             getattr(p, f"excitation_{axis}") * excited + getattr(p, f"remnant_{axis}") * noise
         )
-    return np.clip(held, -0.5, 0.5)
+    return np.clip(held + m.injected(INJECTION.stick_col, 4), -0.5, 0.5)
 
 
 def control(m):
@@ -195,14 +185,8 @@ def control(m):
         return ctrl, act
     if p.pilot_on:
         ctrl[:4], ctrl[8] = sticks(m), 1.0
-    if p.gyro_on and m.restarting:
-        act[FORGOTTEN] = 0.0
-        if p.restart_neutral:
-            ctrl[4:8] = 0.0
-    elif p.gyro_on:
+    if p.gyro_on:
         m.ctrl = ctrl
-        if p.faults:
-            act[STATE.read_p : STATE.read_r + 1] = sensed(m)
         (lat, lon, ped), moved = gyro(m)
         starts = 0.5 if act[STATE.law_tick] == 0.0 else 0.0
         act[STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0 + starts
@@ -212,6 +196,7 @@ def control(m):
             act[getattr(STATE, name)] = value
         lat, lon, ctrl[7] = np.clip([lat, lon, ped], -0.5, 0.5)
         ctrl[4:7] = MIX @ [p.gyro_collective * ctrl[0], lon, lat]
+        ctrl[4:8] += m.injected(INJECTION.command_front, 4)
     return ctrl, act
 
 
@@ -222,7 +207,8 @@ def state_rates(m):
     for k, name in enumerate(SERVOS):
         part = "tail" if name == "tail" else "swash"
         frequency, damping = getattr(p, f"{part}_frequency"), getattr(p, f"{part}_damping")
-        command, limit = m.ctrl[4 + k], p.servo_rate_limit
+        command = m.ctrl[4 + k] + m.injected(INJECTION.actuator_front, 4)[k]
+        limit = p.servo_rate_limit
         position, rate = getattr(s, f"{name}_position"), getattr(s, f"{name}_rate")
         if p.faults and m.last_tick >= getattr(p, f"{name}_fault_at") - 1e-9:
             low, high = getattr(p, f"{name}_fault_low"), getattr(p, f"{name}_fault_high")

@@ -7,7 +7,6 @@ from scipy.linalg import expm
 from helisim.physics.flapping import (
     Disc,
     advance_ratios,
-    coning,
     disc,
     flapping_rates,
     inflow_slope,
@@ -58,19 +57,26 @@ def steady(held, **given):
     return np.linalg.solve(motion_of(held), -rates(held, (0.0, 0.0), **given))
 
 
+def test_without_air_the_disc_stays_where_it_is_in_space(par):
+    """A turn that begins leaves it behind, as a gyroscope, whatever its own tilt."""
+    turn = Velocities(3.0, 2.0, 1.0, 0.3, -0.4, 0.5)
+    held = held_by(par, 6.0)._replace(share=0.0, air=0.0)
+    assert rates(held, (0.1, -0.2), motion=turn) == pytest.approx([0.4, -0.3], rel=1e-12)
+
+
 ROTORS = [(2.0, 1.0), (2.0, 1.07), (5.0, 1.0), (8.0, 1.03), (10.0, 1.12)]
 """Lock numbers and flap frequencies: models with and without springs, full size to a Bo 105."""
 
 
-@pytest.mark.parametrize("direction", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("lock", "frequency"),
+    ("direction", "lock", "frequency", "turning"),
     [
-        *ROTORS[1:3],
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ROTORS[:1] + ROTORS[3:]),
+        (1.0, 2.0, 1.07, "body"),
+        (-1.0, 5.0, 1.0, "air"),
+        (1.0, 8.0, 1.03, "both"),
+        pytest.param(-1.0, 10.0, 1.12, "body", marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.parametrize("turning", ["body", "air", "both"])
 def test_a_turn_tilts_the_disc_as_one_blade(par, direction, lock, frequency, turning):
     """Body, air, or both together in a steady turn, which leaves the gyroscopic lag alone."""
     body = (0.3, -0.4) if turning != "air" else (0.0, 0.0)
@@ -82,14 +88,6 @@ def test_a_turn_tilts_the_disc_as_one_blade(par, direction, lock, frequency, tur
     blade = OneBlade(lock=lock, spring=spring, direction=direction, rates=body, air=air)
     # nothing is neglected in a steady turn but 60 strips' 1 / (2 x 60^2)
     assert found == pytest.approx(blade.steady()[1:], abs=3e-4 * np.hypot(*found))
-
-
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_body_and_air_that_turn_together_need_no_cyclic_across(par, direction):
-    """Without springs the disc lags by 16 / (gamma Omega) along the axis of the turn, no more."""
-    held = held_by(par, 2.0, 1.0, direction)
-    found = steady(held, air=Velocities(0.0, 0.0, 0.0, 0.3, -0.4, 0.0))
-    assert found == pytest.approx([0.4 * 0.08, -0.3 * 0.08], rel=1e-12)
 
 
 @pytest.mark.parametrize(("lock", "frequency"), ROTORS)
@@ -108,41 +106,6 @@ def test_a_tilt_dies_as_one_blades(par, lock, frequency):
     assert abs(pole - exact) < 0.5 * abs(exact) ** 2 * 1.15  # and its next order
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize(("lock", "frequency"), [(2.0, 1.07), (6.0, 1.0)])
-def test_a_turn_begins_as_one_blades(par, direction, lock, frequency):
-    """A roll that begins in a fifth of a second: the tilt on the way, beside the blade's."""
-    held = held_by(par, lock, frequency, direction)
-    rolls = 0.2
-
-    def begin(t):
-        part = min(max(t / 0.2, 0.0), 1.0)
-        return part * part * (3.0 - 2.0 * part)
-
-    blade = OneBlade(
-        lock=lock,
-        spring=frequency**2 - 1.0,
-        direction=direction,
-        rates=(rolls, 0.0),
-        begin=begin,
-    )
-    flown = blade.flapping(turns=6.0)
-    tilt, step, path = np.zeros(2), 1e-4, {0: np.zeros(2)}
-    turn = 2.0 * np.pi / SPEED
-    for k in range(round(6.0 * turn / step)):
-        rolling = Velocities(0.0, 0.0, 0.0, rolls * begin((k + 0.5) * step), 0.0, 0.0)
-        tilt = tilt + step * rates(held, tilt, motion=rolling, step=step)
-        path[k + 1] = tilt
-    largest = np.hypot(*tilt)
-    for turns in (2.0, 3.0, 4.0, 5.0, 6.0):
-        end = turns * turn
-        _, a, b = blade.tilts(flown, end)  # the mean of a turn: in its middle
-        middle = path[round((end - 0.5 * turn) / step)]
-        # the second derivative left out: s / 2 of the motion itself, under 0.19 of it at gamma 6;
-        # and the mean of a turn, in which a tilt bends by a few percent
-        assert middle == pytest.approx([a, b], abs=0.06 * largest)
-
-
 def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=0.0):
     """Return the tilts that flight asks for, with uniform inflow through the disc."""
     tip = 100.0
@@ -154,10 +117,15 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     return tilt_by_flight(par, main, held, *way, *skewed_slopes(par, main, *way))
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (-0.6, 0.8)])
-@pytest.mark.parametrize("advance", [0.05, 0.15, 0.3])
-@pytest.mark.parametrize("twist", [0.0, -0.14])
+@pytest.mark.parametrize(
+    ("direction", "way", "advance", "twist"),
+    [
+        (1.0, (1.0, 0.0), 0.15, -0.14),
+        (-1.0, (0.0, 1.0), 0.3, 0.0),
+        (1.0, (-0.6, 0.8), 0.3, -0.14),
+        (-1.0, (1.0, 0.0), 0.05, 0.0),
+    ],
+)
 def test_a_disc_in_flight_tilts_as_one_blade(par, direction, way, advance, twist):
     """Forward, sideways and aslant, with coning, twist and inflow that rises to the rear.
 
@@ -184,15 +152,6 @@ def test_a_disc_in_flight_tilts_as_one_blade(par, direction, way, advance, twist
     assert found == pytest.approx([a, b], abs=np.hypot(a, b) * (0.005 + 0.6 * advance**2))
 
 
-def test_the_advancing_side_is_the_rotors(par):
-    """Forward, a clockwise disc tilts back and left, a counter-clockwise one back and right."""
-    for direction in (1.0, -1.0):
-        held = held_by(par, 6.0, 1.0, direction)
-        a, b = flight(par, held, 0.16, 0.03, 0.1, induced=0.03)
-        assert a > 0.0
-        assert -direction * b > 0.0
-
-
 @pytest.mark.parametrize("advance", [0.1, 0.2, 0.3])
 def test_flapping_of_nasa_tp_1285(par, advance):
     """Shaughnessy, Deaux and Yenni, NASA TP-1285 (1979), eqs. (29) and (32), as JSBSim flies them.
@@ -211,11 +170,6 @@ def test_flapping_of_nasa_tp_1285(par, advance):
     found = flight(par, held, root + 0.75 * twist, through, advance, twist=twist)
     # theirs has 0.04 mu^3 lambda more of coning, of a reversed flow that is not here
     assert found == pytest.approx([back, aside], rel=1e-12)
-
-
-def test_coning_of_the_books():
-    """Bramwell, ch. 3: gamma / 8 (theta (1 + mu^2) - 4/3 lambda)."""
-    assert coning(0.15, 0.0, 0.03, 0.2, 8.0, 0.0) == pytest.approx(0.15 * 1.04 - 0.04, rel=1e-12)
 
 
 @pytest.mark.parametrize("changes", [{"air.density": 0.9}, {"main_rotor.speed": 160.0}])
@@ -269,7 +223,7 @@ def test_a_slower_rotor_is_the_same_blade(par):
     assert motion_of(half) == pytest.approx(own, rel=0.25 * stiffness, abs=0.01 * abs(own).max())
 
 
-@pytest.mark.parametrize(("lock", "frequency"), ROTORS)
+@pytest.mark.parametrize(("lock", "frequency"), ROTORS[1:4:2])
 def test_a_rotor_that_stops_lays_its_blades_down(par, lock, frequency):
     """At rest the tilt dies and the shaft takes the blades along; on the way nothing jumps."""
     rolling = Velocities(3.0, -2.0, 1.0, 1.0, -0.5, 0.2)
@@ -287,7 +241,7 @@ def test_a_rotor_that_stops_lays_its_blades_down(par, lock, frequency):
     assert rates(held, (0.0, 0.0), motion=rolling, target=(0.1, 0.1)) == pytest.approx([0.0, 0.0])
 
 
-@pytest.mark.parametrize("step", [0.001, 0.002])
+@pytest.mark.parametrize("step", [0.002])
 def test_a_step_is_the_implicit_midpoint(par, step):
     """Against the matrix exponential: third order in a step, whatever the time constant."""
     held = held_by(par, 2.0, 1.07)
@@ -300,28 +254,6 @@ def test_a_step_is_the_implicit_midpoint(par, step):
     error = np.abs(found - exact).max()
     # (s step)^3 / 12 of the way to go
     assert error < 1.05 * (size * step) ** 3 / 12.0 * np.abs(start - rest).max() * np.sqrt(2.0)
-
-
-@pytest.mark.parametrize("faster", [1.0, 30.0, 1000.0])
-def test_no_short_time_constant_is_unstable(par, faster):
-    """Held for 2 ms, the tilt of a disc that follows within microseconds doesn't grow."""
-    held = held_by(par, 4.0, 1.05)
-    fast = replace_all(held, faster)
-    tilt = np.array([0.2, 0.1])
-    for _ in range(200):
-        after = tilt + 0.002 * rates(fast, tilt, step=0.002)
-        assert np.hypot(*after) <= np.hypot(*tilt)
-        tilt = after
-
-
-def replace_all(held, faster):
-    """Return a disc whose every rate is so much faster."""
-    return held._replace(
-        air=held.air * faster,
-        spring_aa=held.spring_aa * faster,
-        spring_ab=held.spring_ab * faster,
-        spring_ba=held.spring_ba * faster,
-    )
 
 
 def test_inflow_slopes_across_the_disc_in_flight_only():

@@ -20,8 +20,6 @@ rate = st.floats(-2.0, 2.0)
 tilt = st.floats(-0.2, 0.2)
 stick = st.floats(-0.4, 0.4)
 CALM = Velocities(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-ODD = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Signs of X, Y, Z, L, M, N seen in a mirror that swaps left and right."""
 
 
 def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
@@ -50,27 +48,6 @@ def lifting(
     return main_rotor.main_rotor(par, motion, speed_ratio, col, tips, (0.0, 0.0))
 
 
-@given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate, a=tilt, b=tilt, col=stick, ped=stick)
-def test_mirror_symmetry(jr700, u, v, w, p, q, r, a, b, col, ped):
-    """A mirrored helicopter in a mirrored flight feels the mirrored wrench."""
-    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
-    numbers[[PARAM.tailplane_area, PARAM.download, PARAM.pitch_volume, PARAM.yaw_volume]] = 0.01
-    one = wrench(numbers, activations(a, b, col, ped), (u, v, w, p, q, r))
-    numbers[PARAM.main_direction] *= -1.0
-    other = wrench(numbers, activations(a, -b, col, -ped), (u, -v, w, -p, q, -r))
-    assert other == pytest.approx(ODD * one, abs=1e-9)  # rounding of 100 N, and of the solver
-
-
-@given(v=speed, p=rate, r=rate, ped=stick)
-def test_tail_rotor_is_odd(jr700, v, p, r, ped):
-    """Without pitch at centre the tail pushes left as it pushes right."""
-    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
-    numbers[PARAM.tail_pitch_trim] = 0.0
-    one = tail_rotor.tail_rotor(numbers, Velocities(0.0, v, 0.0, p, 0.0, r), 1.0, ped).thrust
-    other = tail_rotor.tail_rotor(numbers, Velocities(0.0, -v, 0.0, -p, 0.0, -r), 1.0, -ped).thrust
-    assert other == pytest.approx(-one, abs=1e-10)  # rounding of the solver times 20 kN
-
-
 @given(speed_=st.floats(0.0, 8.0), heading=st.floats(-3.2, 3.2), w=speed, col=stick)
 def test_rotor_has_no_favourite_heading(jr700, speed_, heading, w, col):
     """What it does depends on the airspeed in the disc, not on its direction; drag turns along."""
@@ -81,18 +58,6 @@ def test_rotor_has_no_favourite_heading(jr700, speed_, heading, w, col):
     along = math.hypot(turned.drag_x, turned.drag_y)
     turned = turned._replace(drag_x=-along, drag_y=0.0)
     assert tuple(turned) == pytest.approx(tuple(ahead), rel=1e-9, abs=1e-9)  # rounding of hypot
-
-
-@given(w=st.floats(-6.0, 4.0), col=stick)
-def test_rotor_power_balance(jr700, w, col):
-    """With kappa = 1 and no profile drag, torque times speed is thrust times the inflow."""
-    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
-    numbers[PARAM.main_induced_factor], numbers[PARAM.main_profile_drag] = 1.0, 0.0
-    main = lifting(numbers, w=w, col=col)
-    shaft = main.torque * numbers[PARAM.main_speed]
-    assert shaft == pytest.approx(
-        main.thrust * main.inflow * main.tip_speed, rel=1e-10, abs=1e-9
-    )  # rounding
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate)
@@ -153,16 +118,6 @@ def test_half_of_the_torque_tilts_with_the_disc(par, direction):
     # sines of the tilt, and its cosine in the arm: a^2 / 6 and a^2 / 2
     assert found[3:] == pytest.approx(moment, rel=1e-3)
     assert abs(found[3]) > 0.05
-
-
-def test_signs_of_the_controls(par):
-    """More collective lifts, more pedal turns the nose right, torque turns it left."""
-    rest = wrench(par, activations(), (0.0,) * 6)
-    assert wrench(par, activations(col=0.1), (0.0,) * 6)[2] < rest[2]
-    assert wrench(par, activations(ped=0.1), (0.0,) * 6)[5] > rest[5]
-    tailless = par.copy()
-    tailless[PARAM.tail_speed] = 1e-6
-    assert wrench(tailless, activations(), (0.0,) * 6)[5] < 0.0
 
 
 def test_hub_velocity_drives_the_rotor(par):

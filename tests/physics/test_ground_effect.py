@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics import rotor
 from helisim.physics.inflow import ground_share
 from helisim.physics.native import installed
 from helisim.vehicle import load
+from quasi_steady import inflow_and_thrust
 
 SOLIDITY = 2 * 0.065 / (math.pi * 0.767)
 SLOPE, NEVER = 6.0, 1e3
 
 
 def solve(pitch, nearness, advance=0.0):
-    return rotor.inflow_and_thrust(pitch, 0.0, advance, SOLIDITY, SLOPE, NEVER, nearness)
+    return inflow_and_thrust(pitch, 0.0, advance, SOLIDITY, SLOPE, NEVER, nearness)
 
 
 @given(pitch=st.floats(0.03, 0.25), height=st.floats(0.5, 20.0))
@@ -93,26 +93,3 @@ def test_thrust_is_smooth_and_finite_at_all_heights(near_ground):
     assert (np.diff(thrust[above]) < 1e-12).all()
     # steepest near z = R/2: d(CT)/dz < 5 T_inf / R, and 10 mm from one to the next
     assert np.abs(np.diff(thrust)).max() < 5.0 * thrust.min() / 0.767 * 0.01
-
-
-@pytest.mark.parametrize("height", [0.6, 1.0, 3.0])
-def test_hover_needs_less_inflow_near_the_ground(jr700, near_ground, height):
-    """At one weight the inflow falls by k^1.5, with the hub 0.28 m above the vehicle."""
-    inflow = []
-    for vehicle in (jr700, near_ground.trimmed(height=height)):
-        data = vehicle.hovering()
-        with installed():
-            mujoco.mj_forward(vehicle.model, data)
-        inflow.append(data.sensor("rotor").data[2])
-    k = 1.0 - (0.767 / (4.0 * (height + 0.28))) ** 2
-    # the trim's roll of 0.067 rad lowers the hub by 0.6 mm, and the attitude's change moves
-    # the thrust by 1e-4
-    assert inflow[1] / inflow[0] == pytest.approx(k**1.5, rel=3e-4)
-
-
-def test_height_of_the_experiment_is_out_of_it(near_ground):
-    """At 20 m, where the sweeps are flown, the formula leaves 0.01 % of thrust."""
-    far = thrust_at(near_ground, 1e6)
-    nearness = (0.767 / (4.0 * 20.28)) ** 2
-    assert thrust_at(near_ground, 20.0) / far < 1.0 + 2.0 * nearness
-    assert nearness < 1e-4

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 from helisim.physics import gyro
 from helisim.physics.layout import NEVER, PARAM
+from helisim.vehicle.swashplate import PLATE
 from plates import H3_120
 
 PERIOD, LEAD, FILTER, FAST, SLOW = 0.002, 0.0109, 0.002, 0.004, 0.006
@@ -38,9 +39,8 @@ for slot, number in {
     "phase_cosine": 1.0,
 }.items():
     SETTINGS[getattr(PARAM, f"gyro_{slot}")] = number
-H3_120.write(SETTINGS)
+SETTINGS[PLATE] = H3_120.numbers
 NOTHING = gyro.Seen(*[0.0] * len(gyro.Seen._fields))
-finite = st.floats(-10.0, 10.0)
 
 
 def response(law, states, name, omega):
@@ -95,28 +95,6 @@ def test_cyclic_law_is_rate_tracking(omega):
     assert stick == pytest.approx(6.0 * (0.05 + 1.3 * hold / s), rel=left)
 
 
-def test_yaw_error_of_a_steady_turn():
-    """With the lead settled the error is eq. (7)'s k_delta PED - k_a r: zero at r = 9.11 PED."""
-    r = 0.1 * 2.68 / 0.2941
-    error = gyro.yaw_error(0.1, r, r, 2.68, 0.2941, LEAD, FILTER)
-    assert error == pytest.approx(0.0, abs=1e-16)
-    assert gyro.yaw_command(0.5, 0.02, 0.8646, 17.7) == 0.8646 * 0.5 + 17.7 * 0.02
-
-
-@given(phase=st.floats(-4.0, 4.0), lat=finite, lon=finite)
-def test_rotation_keeps_length_and_turns_back(phase, lat, lon):
-    """The swashplate phase is a rotation: its inverse is the opposite angle."""
-    cosine, sine = math.cos(phase), math.sin(phase)
-    turned = gyro.rotate(cosine, sine, lat, lon)
-    assert math.hypot(*turned) == pytest.approx(math.hypot(lat, lon), rel=1e-12)  # rounding
-    assert gyro.rotate(cosine, -sine, *turned) == pytest.approx((lat, lon), abs=1e-14)
-
-
-def test_rotation_sign():
-    """A quarter turn moves lon into lat, as M = [cos sin; -sin cos] says."""
-    assert gyro.rotate(0.0, 1.0, 0.0, 1.0) == (1.0, 0.0)
-
-
 @given(
     first=st.floats(1e-4, 0.1),
     second=st.floats(1e-4, 0.1),
@@ -135,13 +113,6 @@ def test_filters_are_sampled_exactly(first, second, period):
         assert gyro.filter_through(first, other, period) == pytest.approx(wanted, rel=1e-9)
     mean = first / period * (1.0 - decay)
     assert gyro.filter_mean(first, period) == pytest.approx(mean, rel=1e-12)
-
-
-@given(error=finite, command=finite)
-def test_anti_windup_holds_only_what_makes_it_worse(error, command):
-    """Beyond the limit the integral may only come back; within it, it is free."""
-    pushes = abs(command) > 0.5 and np.sign(error) == np.sign(command)
-    assert gyro.winds_up(error, command, 0.5) == (pushes and error * command > 0.0)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.004])

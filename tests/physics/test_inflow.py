@@ -111,24 +111,7 @@ def test_heave_damping_is_lost_in_the_ring():
     assert felt(-3.0) == pytest.approx(1.0 - 0.5 + 0.75 / math.sqrt(1.25), rel=1e-6)
 
 
-@given(
-    induced=st.floats(1e-3, 8.0),
-    climb=st.sampled_from([-1.0, 0.0, 1.0]),
-    advance=st.floats(0.0, 3.0),
-)
-def test_momentum_needs_more_thrust_for_more_inflow(induced, climb, advance):
-    """Their v V rises with v in every flow, so that it meets the blades' falling thrust once."""
-    flow, slope = mass_flow(induced, climb, advance)
-    rise = flow + induced * slope
-    at_the_edge = advance < 1e-6 and abs(induced + 0.5 * climb) < 1e-6
-    assert rise > 0.0 or (at_the_edge and rise > -1e-12)
-
-
-@given(
-    induced=st.floats(-0.1, 0.1),
-    climb=st.floats(-0.2, 0.2),
-    advance=st.floats(0.0, 0.2),
-)
+@given(induced=st.floats(-0.1, 0.1), climb=st.floats(-0.2, 0.2), advance=st.floats(0.0, 0.2))
 def test_slope_of_the_mass_flow_is_its_derivative(induced, climb, advance):
     """What Newton is told is what central differences find, in the ring too."""
     assume(math.hypot(induced, advance) > 1e-3)
@@ -141,7 +124,7 @@ def test_slope_of_the_mass_flow_is_its_derivative(induced, climb, advance):
     )
 
 
-POINTS = [(x, y) for x in (0.05, 0.08, 0.15) for y in (0.0, 0.01, 0.02, 0.04)]
+POINTS = [(x, y) for x in (0.05, 0.15) for y in (0.0, 0.02)]
 
 
 @pytest.mark.parametrize("along", ["climb", "advance", "free"])

@@ -154,17 +154,3 @@ def test_drag_in_the_plane_of_the_hub(numbers):
     assert (aslant.drag_x, aslant.drag_y) == pytest.approx(
         (0.6 * main.drag_x, 0.8 * main.drag_x), rel=1e-12
     )
-
-
-def test_tilts_do_nothing_in_still_air(numbers):
-    """Without airspeed there is nothing that passes one plane and not the other."""
-    tilted = turning(numbers, tips=(0.1, -0.05), swashplate=(0.05, 0.1))
-    assert tilted == turning(numbers)
-
-
-def test_windmilling_rotor_turns_its_shaft(numbers):
-    """Sinking at 15 m/s with negative pitch the torque is negative: the air drives it."""
-    gliding = turning(numbers, w=15.0, col=-0.45)
-    assert gliding.thrust > 0.0
-    assert gliding.torque < 0.0
-    assert gliding.heat > 0.0

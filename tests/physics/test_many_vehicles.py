@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 
 from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.native import installed
-from helisim.vehicle.folder import model_folder
+from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import addresses, place
 
 
@@ -140,28 +140,6 @@ def roll(flights, threads, steps=300):
             nstep=steps,
         )
     return states, sensors
-
-
-def test_rollout_threads_do_not_matter(flights):
-    """One thread and two give the same bits, in every state and sensor."""
-    one, two = roll(flights, 1), roll(flights, 2)
-    assert np.array_equal(one[0], two[0])
-    assert np.array_equal(one[1], two[1])
-    assert not np.array_equal(one[1][0], one[1][1])  # they are not the same flight
-
-
-def test_rollout_is_stepping(flights):
-    """What rollout returns is what mj_step gives one vehicle after the other."""
-    models, state, ctrl = flights
-    states, _ = roll(flights, 2, steps=100)
-    for model, expected in zip(models, states):
-        data = mujoco.MjData(model)
-        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        with installed():
-            for _ in range(100):
-                data.ctrl[:] = ctrl
-                mujoco.mj_step(model, data)
-        assert np.array_equal(state_of(model, data), expected[-1])
 
 
 def test_batch_threads_do_not_matter(flights):

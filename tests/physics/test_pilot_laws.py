@@ -36,30 +36,6 @@ def test_phase_derivative_is_the_frequency_formula(time):
     assert (phase[1] - phase[0]) / (2.0 * h) == pytest.approx(formula, abs=2e-8)
 
 
-def test_sweep_starts_and_ends_at_its_band():
-    """The frequency is w_min at the start and w_max at the end, of a phase that starts at 0."""
-    h = 1e-4
-    assert pilot.sweep_phase(0.0, DURATION, W_MIN, W_MAX) == 0.0
-    for time, omega in ((0.0, W_MIN), (DURATION, W_MAX)):
-        phase = [pilot.sweep_phase(time + k * h, DURATION, W_MIN, W_MAX) for k in (-1, 1)]
-        # truncation below 1e-9; rounding of a phase of 700 rad: 1e-13 / h
-        assert (phase[1] - phase[0]) / (2.0 * h) == pytest.approx(omega, abs=5e-9)
-
-
-@pytest.mark.parametrize("time", [-1.0, 0.0, DURATION, DURATION + 1.0])
-def test_sweep_is_zero_outside(time):
-    """Before its start and after its end a sweep moves nothing."""
-    assert pilot.sweep(time, DURATION, W_MIN, W_MAX, 1.0, 0.1, 3.0) == 0.0
-
-
-def test_machine_sweep_has_unit_amplitude():
-    """Between its fades a steady sweep is the sine of its phase."""
-    for time in np.linspace(1.0, DURATION - 1.0, 57):
-        phase = pilot.sweep_phase(time, DURATION, W_MIN, W_MAX)
-        assert pilot.sweep(time, DURATION, W_MIN, W_MAX, 1.0, 0.0, 3.0) == math.sin(phase)
-    assert abs(pilot.sweep(0.25, DURATION, W_MIN, W_MAX, 1.0, 0.0, 3.0)) <= 0.25
-
-
 def test_unsteady_sweep_differs_by_seed():
     """A human sweep wobbles about the machine's, each seed in its own way."""
     time = np.linspace(2.0, DURATION - 2.0, 400)
@@ -73,13 +49,7 @@ def test_unsteady_sweep_differs_by_seed():
         assert 0.05 < np.std(wobbling - flown[0]) / np.std(flown[0]) < 0.2
 
 
-def test_doublet_is_one_way_then_the_other():
-    """Plus, minus, and nothing elsewhere; its mean is zero."""
-    values = [pilot.doublet(t, 1.0) for t in (-0.1, 0.0, 0.49, 0.5, 0.99, 1.0)]
-    assert values == [0.0, 1.0, 1.0, -1.0, -1.0, 0.0]
-
-
-@pytest.mark.parametrize(("seed", "channel"), [(0, 0), (1, 0), (0, 3), (2_000_000_000, 2)])
+@pytest.mark.parametrize(("seed", "channel"), [(0, 3), (2_000_000_000, 2)])
 def test_noise_has_zero_mean_and_unit_variance(seed, channel):
     """Mean 0 and variance 1 within 4.5 standard errors over 40000 knots, in any channel."""
     values = noise(seed, channel)
@@ -99,12 +69,6 @@ def test_noise_is_white_and_independent():
         assert abs(correlation) < SIGMAS / math.sqrt(count)
 
 
-def test_noise_is_a_function():
-    """The same seed, channel and knot give the same number; there is no state."""
-    assert noise(5, 2, 50).tolist() == noise(5, 2, 50).tolist()
-    assert hashed_noise(5, 2, -3) == hashed_noise(5, 2, -3)
-
-
 def test_remnant_is_continuous_with_unit_variance():
     """Linear between knots, and its variance over time is 1."""
     interval = 0.1
@@ -116,12 +80,3 @@ def test_remnant_is_continuous_with_unit_variance():
     values = np.array([remnant(t, interval, 4.0, 1) for t in time])
     # 20000 independent knots; kurtosis of a mixture of neighbours stays below 3
     assert abs(values.var() - 1.0) < SIGMAS * math.sqrt(2.0 / 20_000)
-
-
-@given(angle=st.floats(-50.0, 50.0))
-def test_wrapped_angle_is_the_same_direction(angle):
-    """The result lies within half a turn and points where the angle points."""
-    wrapped = pilot.wrap_to_pi(angle)
-    assert -math.pi <= wrapped <= math.pi
-    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-13)  # 50 rad of rounding
-    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-13)

@@ -30,30 +30,6 @@ def test_unmix_undoes_mix(col, lon, lat):
     assert H3_120.unmix(*H3_120.mix(col, lon, lat)) == pytest.approx((col, lon, lat), abs=1e-15)
 
 
-@given(front=unit, left=unit, right=unit)
-def test_mix_undoes_unmix(front, left, right):
-    """From servos to swashplate and back is the identity, to rounding."""
-    assert H3_120.mix(*H3_120.unmix(front, left, right)) == pytest.approx(
-        (front, left, right), abs=1e-15
-    )
-
-
-def test_mix_signs():
-    """Collective lifts all three, nose-up lifts the front, right roll lifts the left."""
-    assert H3_120.mix(1.0, 0.0, 0.0) == (1.0, 1.0, 1.0)
-    front, left, right = H3_120.mix(0.0, 1.0, 0.0)
-    assert front > 0.0 > left == right
-    front, left, right = H3_120.mix(0.0, 0.0, 1.0)
-    assert left > front == 0.0 > right
-
-
-def test_mix_is_a_tilted_plane():
-    """Each servo stands where the swashplate's plane is at its own 120-degree station."""
-    stations = np.radians([0.0, -120.0, 120.0])  # front, left, right, clockwise from the nose
-    heights = 0.1 + 0.2 * np.cos(stations) - 0.3 * np.sin(stations)
-    assert H3_120.mix(0.1, 0.2, 0.3) == pytest.approx(heights, abs=1e-15)
-
-
 def test_small_step_is_the_analytic_second_order():
     """Within its limits a servo answers as w^2 / (s^2 + 2 z w s + w^2)."""
     time = np.linspace(0.0, 0.06, 61)
@@ -62,23 +38,6 @@ def test_small_step_is_the_analytic_second_order():
     phase = np.cos(damped * time) + DAMPING * FREQUENCY / damped * np.sin(damped * time)
     # 1e-9 relative error asked of the integration, with a margin for its accumulation
     assert step_response(0.01, time)[0] == pytest.approx(0.01 * (1.0 - decay * phase), abs=1e-9)
-
-
-def test_big_step_runs_at_the_rate_limit():
-    """However far the command is, the position moves no faster than the limit."""
-    time = np.linspace(0.0, 0.1, 201)
-    position = step_response(0.7, time, rate_limit=10.0)[0]
-    speed = np.diff(position) / np.diff(time)
-    assert speed.max() <= 10.0 * (1.0 + 1e-6)  # the integration's tolerance
-    assert speed.max() == pytest.approx(10.0, rel=1e-6)
-    # mostly on the ramp: it can't arrive before 0.7 / 10 s
-    assert position[time < 0.06].max() < 0.6
-
-
-def test_command_beyond_the_travel_stops_at_it():
-    """The servo settles at its travel, not at the command."""
-    position = step_response(2.0, np.array([0.0, 0.3]), travel=0.75)[0]
-    assert position[-1] == pytest.approx(0.75, abs=1e-6)  # 37 time constants later
 
 
 @given(omega=st.floats(0.1, 10.0))

@@ -9,33 +9,13 @@ HEAVY = ("scipy", "pyarrow", "matplotlib", "control", "numba", "mujoco", "pyulog
 
 
 @pytest.mark.parametrize(
-    "module",
-    [
-        "helisim.records.record",
-        "helisim.records.storage",
-        "helisim.logs",
-    ],
+    "module", ["helisim.records.record", "helisim.records.storage", "helisim.logs"]
 )
 def test_records_load_no_heavy_library(module):
     """Each would cost every command its start: scipy.signal alone takes half a second."""
     code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []
-
-
-def test_a_csv_is_read_without_scipy_and_pyarrow(tmp_path):
-    """They are loaded by what resamples and by Parquet alone."""
-    path = tmp_path / "log.csv"
-    path.write_text("t [s],p [rad/s]\n" + "".join(f"{0.01 * k:.2f},{k % 7}\n" for k in range(300)))
-    code = (
-        "import sys; from helisim.logs import read_log\n"
-        f"first = read_log({str(path)!r})\n"
-        "print('scipy' in sys.modules, 'pyarrow' in sys.modules)\n"
-        f"read_log({str(path)!r}, resample_hz=50.0)\n"
-        "print('scipy' in sys.modules, 'pyarrow' in sys.modules)\n"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.split() == ["False", "False", "True", "False"]
 
 
 def test_a_flight_is_flown_without_pyplot():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import RecordError, UnknownNameError
-from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS, Channel, FlightRecord, channel
+from helisim.records.record import FlightRecord, channel
 
 
 def make_record(**changes) -> FlightRecord:
@@ -39,7 +39,6 @@ def test_an_unknown_channel_lists_those_that_exist():
 
 
 def test_a_record_can_not_be_changed():
-    """Neither the record's arrays nor those it was made from can change it afterwards."""
     values = np.zeros((5, 2))
     provenance = {"seed": 3}
     record = make_record(values=values, provenance=provenance)
@@ -54,14 +53,6 @@ def test_a_record_can_not_be_changed():
         record.provenance["seed"] = 5  # type: ignore[index]
     with pytest.raises(AttributeError):
         record.time = values  # type: ignore[misc]
-
-
-def test_a_slice_holds_its_ends_and_its_provenance():
-    """Both ends belong to the slice; units and provenance go with it."""
-    piece = make_record().slice(0.01, 0.03)
-    np.testing.assert_allclose(piece.time, [0.01, 0.02, 0.03], rtol=1e-15)  # one rounding
-    assert piece.channels == make_record().channels
-    assert piece.provenance == make_record().provenance
 
 
 def test_the_sample_time_needs_uniform_samples():
@@ -80,28 +71,13 @@ def test_the_sample_time_needs_uniform_samples():
         ({"values": np.zeros((5, 3))}, r"shape \(5, 3\), expected \(5, 2\)"),
         ({"values": np.zeros((4, 2))}, r"shape \(4, 2\), expected \(5, 2\)"),
         ({"channels": (channel("p"), channel("p"))}, "repeated: p"),
-        ({"time": [0.0, 0.01, np.nan, 0.03, 0.04]}, "time is not finite at row 2"),
-        ({"time": [0.0, 0.01, 0.01, 0.03, 0.04]}, "time must increase: row 2"),
+        ({"time": [0.0, 0.01, np.nan, 0.03, 0.04]}, "row 2 has nan s"),
+        ({"time": [0.0, 0.01, 0.01, 0.03, 0.04]}, "row 2 has 0.01 s after 0.01 s"),
         ({"values": [[0.0, 0.0]] * 4 + [[0.0, np.inf]]}, "channel 'p' is not finite at row 4"),
         ({"provenance": {"when": object()}}, "plain JSON data"),
         ({"provenance": {"noise": float("nan")}}, "plain JSON data"),
     ],
 )
 def test_a_malformed_record_is_refused(changes, message):
-    """Every fault is found when the record is made, with its place."""
     with pytest.raises(RecordError, match=message):
         make_record(**changes)
-
-
-def test_the_standard_channels_cover_the_groups():
-    """Each group's names exist and carry the group's kind."""
-    for names, kind in ((IN1, "IN1"), (IN2, "IN2"), (SERVOS, "SERVO"), (OUT, "OUT")):
-        assert {channel(name).kind for name in names} == {kind}
-    assert all(item.unit and item.meaning for item in CHANNELS.values())
-    assert Channel("p", "rad/s", "OUT", "roll rate") == channel("p")
-
-
-def test_a_record_is_not_iterated_by_mistake():
-    """Its samples and its channels have names: `list` would have asked for a channel called 0."""
-    with pytest.raises(TypeError, match="'FlightRecord' object is not iterable"):
-        list(make_record())

@@ -14,35 +14,22 @@ from scipy.linalg import expm, solve_continuous_are
 from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
-from helisim.ident.evaluate import matrices, response, state_space
+from helisim.ident.evaluate import _propagate, linear, response
 from helisim.records.record import FlightRecord, channel
-
-_BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A plant under state feedback, u = stick - gain x(t); inputs may be delayed.
+    """A plant with its true values under state feedback, u = stick - gain x(t)."""
 
-    Attributes:
-        structure: the plant; it may delay its inputs, not its outputs.
-        values: its true parameters.
-        gain: (n_in, n_state).
-        rate: samples a second of the simulation; delays are whole numbers of them, one at least.
-        keep: one recorded sample in so many.
-        noise: rms of white sensor noise by channel.
-        gust: rms of the acceleration that a gust adds to a state's rate, by state.
-        gust_cutoff: rad/s.
-    """
-
-    structure: Structure
+    structure: Structure  # may delay its inputs, not its outputs
     values: Mapping[str, float]
-    gain: NDArray[np.float64]
-    rate: int
-    keep: int
-    noise: Mapping[str, float]
-    gust: Mapping[str, float]
-    gust_cutoff: float = 6.0
+    gain: NDArray[np.float64]  # (n_in, n_state)
+    rate: int  # samples a second of the simulation; delays are whole numbers of them
+    keep: int  # one recorded sample in so many
+    noise: Mapping[str, float]  # rms of white sensor noise by channel
+    gust: Mapping[str, float]  # rms of the acceleration that a gust adds, by state
+    gust_cutoff: float = 6.0  # rad/s
 
     @property
     def sticks(self) -> tuple[str, ...]:
@@ -54,15 +41,14 @@ class Rig:
         The state is x, then the inputs now, one sample ago and so on. The disturbance is
         the gust now, its change to the next sample, and the sticks of the next sample.
         """
-        model = state_space(self.structure, self.values)
-        numbers = matrices(self.structure, self.values)
-        lag = numbers.input_delays * self.rate
+        model = linear(self.structure, self.values)
+        lag = model.lags[0] * self.rate
         samples = np.rint(lag).astype(np.intp)
         assert np.allclose(lag, samples, atol=1e-9)
         assert np.all(samples >= 1)
-        n, n_in = model.nstates, len(self.structure.inputs)
-        pushed = np.hstack([model.B, np.eye(n)])
-        transition, now, change = _discretise(np.asarray(model.A), pushed, 1.0 / self.rate)
+        n, n_in = len(model.a), len(self.structure.inputs)
+        pushed = np.hstack([model.b, np.eye(n)])
+        transition, now, change = _discretise(model.a, pushed, 1.0 / self.rate)
         size = n + n_in * (int(samples.max()) + 1)
         loop = np.zeros((size, size))
         loop[:n, :n] = transition
@@ -94,7 +80,8 @@ class Rig:
         stick = np.zeros((samples, len(names)))
         for k, name in enumerate(names):
             if name == axis:
-                stick[:, k] = sweep(duration, *band, amplitude, self.rate)
+                ends = 0.05 * duration, 0.02 * duration
+                stick[:, k] = sweep(duration, band, amplitude, self.rate, *ends)
             elif off_axis:
                 stick[:, k] = coloured(random, samples, off_axis, band[1], self.rate)
         states = self.structure.states
@@ -106,12 +93,12 @@ class Rig:
         loop, drive, lags = self.loop()
         ahead = np.append(stick[1:], stick[-1:], axis=0)
         rise = np.diff(gust, axis=0, append=gust[-1:])
-        motion = _propagate(loop, np.hstack([gust, rise, ahead]) @ drive.T)
+        motion = _propagate(loop, np.hstack([gust, rise, ahead]) @ drive.T, np.zeros(len(loop)))
         x, u = motion[:, : len(states)], motion[:, len(states) : len(states) + len(names)]
-        model = state_space(self.structure, self.values)
+        model = linear(self.structure, self.values)
         acting = np.stack([delayed(u[:, j], lag) for j, lag in enumerate(lags)], axis=1)
-        outputs = x @ np.asarray(model.C).T + acting @ np.asarray(model.D).T
-        outputs += gust @ matrices(self.structure, self.values).H1.T
+        outputs = x @ model.c.T + acting @ model.d.T
+        outputs += gust @ self.structure.matrices(self.values)["H1"].T
         columns = np.hstack([stick, u, outputs])[:: self.keep].copy()
         channels = (*self.sticks, *names, *self.structure.outputs)
         for k, name in enumerate(channels):
@@ -127,23 +114,30 @@ def quadratic_gain(
     inputs: float,
 ) -> NDArray[np.float64]:
     """Return the linear-quadratic gain for weights of the states' and inputs' squares."""
-    model = state_space(structure, values)
-    a, b = np.asarray(model.A), np.asarray(model.B)
+    model = linear(structure, values)
+    a, b = model.a, model.b
     weight = np.diag([states.get(name, 0.0) for name in structure.states])
     riccati = solve_continuous_are(a, b, weight, inputs * np.eye(b.shape[1]))
     return b.T @ riccati / inputs
 
 
-def sweep(duration: float, low: float, high: float, amplitude: float, rate: int) -> NDArray:
-    """Return the sweep of design section 6 at a rate, with a tenth of rest before and after."""
-    trim = 0.05 * duration
+def sweep(
+    duration: float,
+    band: tuple[float, float],
+    amplitude: float,
+    rate: int,
+    trim: float = 3.0,
+    fade: float = 2.0,
+) -> NDArray[np.float64]:
+    """Return the sweep of design section 6 at a rate, in trim for some time before and after."""
+    low, high = band
     span = duration - 2.0 * trim
     t = np.arange(round(duration * rate)) / rate - trim
     c2 = 1.0 / (np.exp(4.0) - 1.0)
     omega = low + c2 * (np.exp(4.0 * np.clip(t, 0.0, span) / span) - 1.0) * (high - low)
-    fade = np.clip(np.minimum(t, span - t) / (0.02 * duration), 0.0, 1.0)
+    faded = np.clip(np.minimum(t, span - t) / fade, 0.0, 1.0)
     inside = (t >= 0.0) & (t <= span)
-    return np.where(inside, amplitude * fade * np.sin(np.cumsum(omega) / rate), 0.0)
+    return np.where(inside, amplitude * faded * np.sin(np.cumsum(omega) / rate), 0.0)
 
 
 def coloured(
@@ -169,37 +163,9 @@ def _discretise(a: NDArray, b: NDArray, step: float) -> tuple[NDArray, NDArray, 
     return power[:n, :n], power[:n, n : n + n_in], power[:n, n + n_in :]
 
 
-def _propagate(transition: NDArray, driven: NDArray) -> NDArray[np.float64]:
-    """Return z_0 = 0, z_1, ... of z_(k+1) = A z_k + driven_k, in blocks."""
-    samples, n = driven.shape
-    blocks = -(-samples // _BLOCK)
-    padded = np.zeros((blocks * _BLOCK, n))
-    padded[:samples] = driven
-    padded = padded.reshape(blocks, _BLOCK, n)
-    local = np.zeros((_BLOCK + 1, blocks, n))
-    powers = [np.eye(n)]
-    for k in range(_BLOCK):
-        local[k + 1] = local[k] @ transition.T + padded[:, k]
-        powers.append(transition @ powers[-1])
-    edge = np.zeros((blocks + 1, n))
-    for block in range(blocks):
-        edge[block + 1] = powers[_BLOCK] @ edge[block] + local[_BLOCK, block]
-    for k in range(_BLOCK):
-        local[k] += edge[:-1] @ powers[k].T
-    return local[:_BLOCK].transpose(1, 0, 2).reshape(-1, n)[:samples]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """One flight: which stick is swept and how.
-
-    Attributes:
-        axis: the swept stick.
-        band: lowest and highest frequency, rad/s.
-        amplitude: of the sweep, in the input's unit.
-        duration: s.
-        off_axis: rms of the remnant on the other sticks.
-    """
+    """One flight: the swept stick, in rad/s and s, and the rms of the others' remnant."""
 
     axis: str
     band: tuple[float, float]
@@ -210,13 +176,7 @@ class Sweep:
 
 @dataclass(frozen=True, eq=False)
 class Aircraft:
-    """A plant in its rig, and the sweeps that are flown with it.
-
-    Attributes:
-        name: short, for tables.
-        rig: the plant under feedback, its noise and its gusts.
-        sweeps: the flights of one replicate.
-    """
+    """A plant in its rig, and the sweeps that are flown with it in a replicate."""
 
     name: str
     rig: Rig

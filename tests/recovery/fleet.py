@@ -1,6 +1,6 @@
 """Every aircraft of known truth by name, in its rig and with its sweeps.
 
-The models and their sources are in `published`, `fixed_wing`, `multirotor` and `hover`; how
+The models and their sources are in `published` and `fixed_wing`; how
 the first three fly is said here.
 """
 
@@ -9,9 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import published
 from closed_loop import Aircraft, Rig, Sweep, quadratic_gain, swept
-from fixed_wing import f_16, learjet_lateral, learjet_longitudinal
-from hover import hover
-from multirotor import hummingbird
+from fixed_wing import f_16
 
 
 def boeing_747() -> Aircraft:
@@ -74,12 +72,8 @@ def lynx() -> Aircraft:
 
 
 FLEET: dict[str, Callable[[], Aircraft]] = {
-    "hover": hover,
     "boeing_747": boeing_747,
     "blade_360": blade_360,
     "lynx": lynx,
     "f_16": f_16,
-    "learjet_lat": learjet_lateral,
-    "learjet_lon": learjet_longitudinal,
-    "hummingbird": hummingbird,
 }

@@ -26,20 +26,10 @@ FOOT = 0.3048
 # 1 rad/s, damping of about 0.45 with K = 2.85, and of about 0.305 with a washout of 0.2 rad/s
 # and 2.34.
 BOEING_747 = {
-    "Y_beta": -0.0558,
-    "Y_p": 0.0802,
-    "N_beta": 0.598,
-    "N_r": -0.115,
-    "N_p": -0.0318,
-    "L_beta": -3.05,
-    "L_r": 0.388,
-    "L_p": -0.4650,
-    "N_rud": -0.475,
-    "L_rud": 0.153,
-    "N_ail": 0.00775,
-    "L_ail": 0.143,
-    "tau": 0.02,  # of the recording: the source has none
-}
+    "Y_beta": -0.0558, "Y_p": 0.0802, "N_beta": 0.598, "N_r": -0.115, "N_p": -0.0318,
+    "L_beta": -3.05, "L_r": 0.388, "L_p": -0.4650, "N_rud": -0.475, "L_rud": 0.153,
+    "N_ail": 0.00775, "L_ail": 0.143, "tau": 0.02,  # of the recording: the source has none
+}  # fmt: skip
 BOEING_747_KNOWN = {"Y_r": -0.9968, "Y_phi": 0.0415, "Y_rud": 0.00729, "tan_theta": 0.0805}
 """Kinematics of the trim, and the rudder's small side force: sideslip isn't measured, so its
 scale and origin must come from somewhere."""
@@ -163,23 +153,19 @@ def lynx() -> tuple[Structure, dict[str, float]]:
     truth: dict[str, float] = {}
     known: dict[str, float] = {}
     feet = {name: 1.0 / FOOT if name in "uvw" else 1.0 for name in LYNX_STATES}
-    rows: dict[str, Any] = {}
-    controls: dict[str, Any] = {}
+    tables: dict[str, dict[str, Any]] = {"F": {}, "G": {}}
     for i, row in enumerate(LYNX_STATES):
-        for j, column in enumerate(LYNX_STATES):
-            value = LYNX_A_FEET[i][j] * feet[column] / feet[row]
-            if value:
-                free = (row, column) in LYNX_FREE
-                name = f"{_AXIS[row]}_{column}" if free else f"k_{row}_{column}"
-                (truth if free else known)[name] = value
-                rows.setdefault(row, {})[column] = name
-        for j, column in enumerate(LYNX_INPUTS):
-            value = LYNX_B_FEET[i][j] / feet[row]
-            if value:
-                free = (row, column) in LYNX_FREE
-                name = f"{_AXIS[row]}_{column}" if free else f"k_{row}_{column}"
-                (truth if free else known)[name] = value
-                controls.setdefault(row, {})[column] = name
+        for matrix, columns, published_feet in (
+            ("F", LYNX_STATES, LYNX_A_FEET),
+            ("G", LYNX_INPUTS, LYNX_B_FEET),
+        ):
+            for column, value in zip(columns, published_feet[i]):
+                if value:
+                    free = (row, column) in LYNX_FREE
+                    name = f"{_AXIS[row]}_{column}" if free else f"k_{row}_{column}"
+                    known_or_free = truth if free else known
+                    known_or_free[name] = value * feet.get(column, 1.0) / feet[row]
+                    tables[matrix].setdefault(row, {})[column] = name
     truth["tau"] = 0.02  # of the recording: the source has none
     structure = Structure.from_dict(
         {
@@ -189,8 +175,7 @@ def lynx() -> tuple[Structure, dict[str, float]]:
             "states": list(LYNX_STATES),
             "inputs": list(LYNX_INPUTS),
             "outputs": ["p", "q", "r", "u", "v", "w"],
-            "F": rows,
-            "G": controls,
+            **tables,
             "input_delays": dict.fromkeys(LYNX_INPUTS, "tau"),
         }
     )

@@ -23,18 +23,11 @@ from helisim.records.record import FlightRecord
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recovery:
-    """One replicate.
-
-    Attributes:
-        fit: what was found.
-        excess: (n_parameter,) |error| of each parameter over its bound.
-        points: (n_point,) |error| of each usable point over its stated error.
-        response_seconds, fit_seconds: processor time of the frequency response and of the fit.
-    """
+    """One replicate, with processor times."""
 
     fit: Fit
-    excess: dict[str, float]
-    points: NDArray[np.float64]
+    excess: dict[str, float]  # |error| of each parameter over its bound
+    points: NDArray[np.float64]  # |error| of each usable point over its stated error
     response_seconds: float
     fit_seconds: float
 
@@ -54,7 +47,7 @@ class Recovery:
         return float(np.mean(self.points <= 3.0))
 
 
-def recover(aircraft: Aircraft, seed: int, estimator: str | None = None) -> Recovery:
+def recover(aircraft: Aircraft, seed: int, estimator: str = "local") -> Recovery:
     """Fly an aircraft and identify it as `helisim identify` does, without options or with one."""
     records = aircraft.fly(seed)
     begun = time.process_time()
@@ -72,7 +65,7 @@ def recover(aircraft: Aircraft, seed: int, estimator: str | None = None) -> Reco
 
 
 def estimated(
-    aircraft: Aircraft, records: list[FlightRecord], estimator: str | None = None
+    aircraft: Aircraft, records: list[FlightRecord], estimator: str = "local"
 ) -> FrequencyResponse:
     """Return the response with default options, the sticks as references where a loop is closed."""
     with warnings.catch_warnings():
@@ -97,8 +90,8 @@ def excess(fit: Fit, aircraft: Aircraft) -> dict[str, float]:
 
 
 def bound(fit: Fit, name: str) -> float:
-    """Return a parameter's bound, in its unit."""
-    return getattr(fit[name], "bound", fit[name].cramer_rao)
+    """Return CR or 3 standard errors, whichever is larger, in the parameter's unit."""
+    return max(fit[name].cramer_rao, 3.0 * fit[name].standard_error)
 
 
 def point_errors(frf: FrequencyResponse, aircraft: Aircraft) -> NDArray[np.float64]:

@@ -22,7 +22,9 @@ from helisim.show.recording import write_recording
 from helisim.records.record import FlightRecord
 from helisim.base.files import write_json
 from helisim.records.storage import write_record
+from helisim.vehicle import load
 
+drawn = load("jr700").visual_model()
 folder, endless = Path(sys.argv[1]), resource.RLIM_INFINITY
 values = np.random.default_rng(1).normal(size=(2000, 2))
 record = FlightRecord(0.01 * np.arange(2000), values, (channel("lat"), channel("p")))
@@ -31,7 +33,7 @@ writers = {
     "a.csv": lambda path: write_record(record, path),
     "a.json": lambda path: write_json({"a": [0.5] * 2000}, path),
     "a.toml": structures.heave.to_toml,
-    "a.rrd": lambda path: write_recording(path, {"f": record}),
+    "a.rrd": lambda path: write_recording(path, {"f": record}, model=drawn),
 }
 for name, write in writers.items():
     path = folder / name

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import helisim as hs
-from helisim.base.errors import DivergedError, InputError, UnknownNameError
+from helisim.base.errors import DivergedError, InputError
 from helisim.physics.layout import PARAM, STATE
-from helisim.sim import Deck, Ground, Swing, Weather
+from helisim.sim import Ground, Weather
 from helisim.sitl.aircraft import Aircraft
 from helisim.vehicle.trim import Motion, addresses, write_motion
 
@@ -28,13 +27,14 @@ def falling():
 
 
 def held(aircraft, seconds, pulses=LOW):
-    with aircraft:
-        for _ in range(round(seconds / float(aircraft.period))):
-            aircraft.step(pulses)
+    for _ in range(round(1000 * seconds)):
+        aircraft.step(pulses)
     return aircraft.sensed
 
 
-@pytest.mark.parametrize("name", ["jr700", "blade360", "lynx"])
+@pytest.mark.parametrize(
+    "name", ["jr700", *(pytest.param(one, marks=pytest.mark.slow) for one in ("blade360", "lynx"))]
+)
 def test_at_rest_the_accelerometer_feels_the_ground_hold_it(name):
     """Specific force at rest is -g: 0, 0, -g, down being positive."""
     aircraft = Aircraft(name)
@@ -43,12 +43,11 @@ def test_at_rest_the_accelerometer_feels_the_ground_hold_it(name):
     assert sensed.force == pytest.approx([0.0, 0.0, -gravity], abs=2e-4 * gravity)
     assert sensed.gyro == pytest.approx(np.zeros(3), abs=1e-6)
     assert sensed.position == pytest.approx(np.zeros(3), abs=1e-6)
-    assert sensed.clearance > 0.0
 
 
 def test_on_a_slope_it_feels_gravity_turned_into_its_own_axes():
     """Nose up a slope: pitched by its angle, gravity pulls it back along the body."""
-    aircraft = Aircraft("jr700", ground=Ground(slope=0.1, friction=2.0))
+    aircraft = Aircraft("jr700", ground=Ground(slope=0.1))
     sensed = aircraft.sensed
     gravity = -float(aircraft.model.opt.gravity[2])
     level = [gravity * math.sin(0.1), 0.0, -gravity * math.cos(0.1)]
@@ -76,7 +75,6 @@ def test_turning_freely_it_feels_the_way_to_its_centre(falling):
 
 
 def test_rates_velocities_and_attitude_are_of_one_motion(falling):
-    """Positions change by the velocity, attitudes by the rates that are told with them."""
     write_motion(falling.model, falling.data, Motion(p=1.0, q=-0.7, r=0.5, u=3.0, down=-40.0))
     told = [held(falling, 0.001) for _ in range(201)]
     early, middle, late = told[99], told[100], told[101]
@@ -106,6 +104,7 @@ def test_pulses_act_from_the_answer_before_them_on(falling):
     assert np.abs(found - step).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_it_spools_up_without_turning_and_runs_down():
     aircraft = Aircraft("jr700")
     sensed = held(aircraft, 12.0, SPOOLED)
@@ -119,19 +118,14 @@ def test_it_spools_up_without_turning_and_runs_down():
     assert not aircraft.crashed
 
 
+@pytest.mark.slow
 def test_without_a_motors_numbers_the_rotor_follows_slowly():
     aircraft = Aircraft("lynx")
     held(aircraft, 6.0, SPOOLED)
     assert aircraft.rotor_speed == pytest.approx(0.5, abs=1e-3)
 
 
-def test_an_ideal_governor_keeps_its_speed_if_asked_for():
-    aircraft = Aircraft("jr700", motor=False)
-    assert aircraft.vehicle.parameters.word("drive.governor") == "ideal"
-    assert held(aircraft, 1.0, SPOOLED).time == pytest.approx(1.0)
-    assert aircraft.rotor_speed == pytest.approx(1.0 / 12.0, rel=1e-3)
-
-
+@pytest.mark.slow
 def test_a_hard_landing_ends_the_flight_and_leaves_it_lying():
     aircraft = Aircraft("jr700", recorded=True)
     aircraft.data.qpos[2] += 1.0
@@ -144,14 +138,7 @@ def test_a_hard_landing_ends_the_flight_and_leaves_it_lying():
     assert aircraft.time == 0.0
 
 
-def test_a_soft_landing_does_not():
-    aircraft = Aircraft("jr700")
-    aircraft.data.qvel[2] = -0.5
-    aircraft.data.qpos[2] += 0.01
-    held(aircraft, 1.0)
-    assert not aircraft.crashed
-
-
+@pytest.mark.slow
 def test_tipping_over_strikes_the_rotor():
     aircraft = Aircraft("jr700")
     write_motion(aircraft.model, aircraft.data, Motion(phi=1.2, down=-0.8))
@@ -163,10 +150,9 @@ def test_tipping_over_strikes_the_rotor():
 def told(aircraft):
     pulses = np.array(SPOOLED)
     rng = np.random.default_rng(5)
-    with aircraft:
-        for _ in range(300):
-            pulses[:4] = 1300 + rng.integers(0, 400, 4)
-            sensed = aircraft.step(pulses.tolist())
+    for _ in range(300):
+        pulses[:4] = 1300 + rng.integers(0, 400, 4)
+        sensed = aircraft.step(pulses.tolist())
     return np.concatenate([sensed.force, sensed.gyro, sensed.position, sensed.quaternion])
 
 
@@ -183,7 +169,7 @@ def test_the_same_pulses_make_the_same_flight_again_and_after_a_reset():
 
 
 def test_a_record_says_what_flew():
-    aircraft = Aircraft("jr700", recorded=True, tail="gyro")
+    aircraft = Aircraft("jr700", recorded=True)
     held(aircraft, 1.0, SPOOLED)
     record = aircraft.record()
     assert record.duration == pytest.approx(1.0)
@@ -191,41 +177,10 @@ def test_a_record_says_what_flew():
         178.02 * aircraft.rotor_speed, rel=0.03
     )  # which the recorder's filter has 10 ms later
     assert record["servo_front"][-1] == pytest.approx(0.75 * (1234 - 1500) / 500, abs=1e-6)
-    assert record.provenance["autopilot"] == {"tail": "gyro", "rate_hz": 1000.0}
+    assert record.provenance["autopilot"] == {"rate_hz": 1000.0}
     assert record.ended == ""
     with pytest.raises(InputError, match="recorded=True"):
         Aircraft("jr700").record()
-
-
-def test_a_gyro_that_stays_in_the_tail_holds_against_a_turn():
-    """The autopilot's output is its pedals; the servo is the gyro's."""
-    aircraft = Aircraft("jr700", tail="gyro")
-    write_motion(aircraft.model, aircraft.data, Motion(r=0.3, down=-20.0))
-    held(aircraft, 0.02, SPOOLED)
-    control = aircraft.data.ctrl[addresses(aircraft.model).control :]
-    assert control[7] < -0.05
-    held(aircraft, 0.1, [*SPOOLED[:3], 2000, *SPOOLED[4:]])
-    assert control[3] == 0.5
-    assert control[7] == 0.5
-
-
-@pytest.mark.parametrize("rate_hz", [400.0, 500.0, 1000.0])
-def test_a_frame_has_a_whole_number_of_time_steps(rate_hz):
-    aircraft = Aircraft("jr700", rate_hz=rate_hz, tail="gyro")
-    step = float(aircraft.model.opt.timestep)
-    assert held(aircraft, 10.0 / rate_hz).time == pytest.approx(10.0 / rate_hz, abs=1e-12)
-    assert aircraft.data.time == pytest.approx(10.0 / rate_hz, abs=1e-9)
-    for whole in (1.0 / rate_hz, 0.002):
-        assert whole / step == pytest.approx(round(whole / step), abs=1e-9)
-
-
-def test_on_a_deck_it_is_carried_along():
-    deck = Deck(heave=Swing(amplitude=0.3, period=6.0))
-    aircraft = Aircraft("jr700", ground=Ground(deck=deck))
-    sensed = held(aircraft, 1.5)
-    assert sensed.position[2] == pytest.approx(-0.3, abs=0.01)
-    assert sensed.clearance == pytest.approx(aircraft.vehicle.imu_offset[2], abs=1.0)
-    assert not aircraft.crashed
 
 
 def test_numbers_that_break_are_never_answered_nor_recorded():
@@ -237,16 +192,6 @@ def test_numbers_that_break_are_never_answered_nor_recorded():
     assert aircraft.record().ended == "the flight has no finite state at 0.50 s"
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "why"),
-    [
-        ({"tail": "gyr"}, UnknownNameError, "available: direct, gyro"),
-        ({"rate_hz": 1200.0}, InputError, "whole microseconds apart"),
-        ({"rate_hz": 0.0}, InputError, "from 50 to 10000"),
-        ({"rate_hz": 1e6 / 1001.0}, InputError, "no time step fits"),
-        ({"seed": -1}, InputError, "0 or more"),
-    ],
-)
-def test_what_can_t_be_is_refused(given, error, why):
-    with pytest.raises(error, match=why):
-        Aircraft(hs.load("jr700"), **given)
+def test_what_can_t_be_is_refused():
+    with pytest.raises(InputError, match="0 or more"):
+        Aircraft("jr700", seed=-1)

@@ -7,10 +7,13 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import InputError
-from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, Commanded, tune
-from helisim.sitl.mixing import Controls, Mixer, Outputs
-from helisim.sitl.parameters import AutopilotParameters, Setting, read_parameters, swashplate, tail
-from helisim.vehicle.folder import model_folder
+from helisim.handling.figures import margins as margins_of
+from helisim.handling.figures import rejection as rejection_of
+from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, tune
+from helisim.sitl.mixing import Mixer, Outputs, command_scale
+from helisim.sitl.parameters import Setting, swashplate, tail
+from helisim.vehicle.parameters import model_folder
+from parm_file import parm_file
 from sid_logs import TRUTH, SidLog
 
 LINE = 98
@@ -24,10 +27,9 @@ def made():
 
 
 def test_its_file_is_read_again(made, tmp_path):
-    """What is written is what is read, each name once, no line longer than ArduPilot takes."""
     path = tmp_path / "jr700.parm"
     made.write(path)
-    assert read_parameters(path) == made.values
+    assert parm_file(path) == made.values
     assert max(map(len, made.text.splitlines())) <= LINE
 
 
@@ -49,8 +51,8 @@ def test_the_hover_is_the_vehicle_s(made):
 def test_its_own_mixer_moves_each_control_by_one_command(made):
     """The file's geometry, mixed as ArduPilot does, meets the vehicle's swashplate: no coupling."""
     own = hs.load("jr700")
-    controls = Controls(Mixer.of(made.values), Outputs.of(own.parameters), own.swashplate)
-    scale = controls.scale(made.values["H_COL_HOVER"])
+    outputs, hover = Outputs.of(own.parameters), made.values["H_COL_HOVER"]
+    scale = command_scale(Mixer(made.values), outputs, own.swashplate, hover)
     np.testing.assert_allclose(scale, np.diag(np.diag(scale)), atol=1e-9)
     assert np.all(np.diag(scale) > 0.0)
 
@@ -78,49 +80,9 @@ def test_reversed_servos_and_turned_plates_are_set_right():
     assert remarks == []
     assert values["SERVO1_REVERSED"] == values["SERVO2_REVERSED"] == 1.0
     assert values["SERVO5_FUNCTION"] == 35.0
-    scale = Controls(Mixer.of(values), outputs, own.swashplate).scale(values["H_COL_HOVER"])
+    scale = command_scale(Mixer(values), outputs, own.swashplate, values["H_COL_HOVER"])
     expected = np.diag([0.75 * 666.0 / 500.0, 0.675, 0.675, 0.75])
     np.testing.assert_allclose(scale, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize(("front", "side"), [(180.0, 45.0), (0.0, 135.0)])
-def test_an_h3_140_is_mixed_one_to_one(front, side):
-    """Elevator behind or in front (HR3-140), as docs/extend/swashplate.md has them."""
-    changes = {
-        "swashplate.front_angle": math.radians(front),
-        "swashplate.left_angle": math.radians(side),
-        "swashplate.right_angle": math.radians(-side),
-        "swashplate.left_arm": math.sqrt(2.0),
-        "swashplate.right_arm": math.sqrt(2.0),
-    }
-    own = hs.load("jr700", parameters=changes)
-    outputs = Outputs.of(own.parameters)
-    plate, remarks = swashplate(own, outputs)
-    values = {one.name: one.value for one in (*plate, *tail(outputs))}
-    assert remarks == []
-    assert values["H_SW_TYPE"] == 2.0
-    scale = Controls(Mixer.of(values), outputs, own.swashplate).scale(values["H_COL_HOVER"])
-    np.testing.assert_allclose(scale, np.diag(np.diag(scale)), atol=1e-9)
-    np.testing.assert_allclose(np.diag(scale)[1:3], 0.675)
-    assert scale[0, 0] > 0.0
-
-
-def test_a_gyro_that_stays_in_the_tail_is_asked_for_a_rate():
-    """FF is 1 over the rate of full pedals, k_delta / k_a / 2 (paper, Table 2); no other gain."""
-    made = hs.autopilot_parameters("jr700", gyro=True)
-    assert made.values["H_TAIL_TYPE"] == 1.0
-    # four digits in the file
-    assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(0.2941 / 2.68 / 0.5, rel=2e-4)
-    assert made.values["ATC_RAT_YAW_P"] == made.values["ATC_RAT_YAW_I"] == 0.0
-    assert made.values["SERVO4_TRIM"] == 1500.0
-    assert made.values["ATC_RAT_RLL_P"] > 0.0
-
-
-def test_arms_that_differ_are_said_to_be_beyond_the_mixer():
-    """ArduPilot's servos all stand as far out: another arm couples, and a remark says so."""
-    own = hs.load("jr700", parameters={"swashplate.front_arm": 1.2})
-    _, remarks = swashplate(own, Outputs.of(own.parameters))
-    assert "different arms" in remarks[0]
 
 
 def test_the_shipped_file_is_what_identified_models_gave(made):
@@ -128,7 +90,7 @@ def test_the_shipped_file_is_what_identified_models_gave(made):
 
     A grid of gains is searched: its steps are up to 13 % wide. What is not tuned is the same.
     """
-    shipped = read_parameters(model_folder("jr700") / "jr700.parm")
+    shipped = parm_file(model_folder("jr700") / "jr700.parm")
     assert set(shipped) == set(made.values)
     for name, value in made.values.items():
         loose = 0.15 if name.startswith(("ATC_RAT", "ATC_ANG", "PSC_ACCZ")) else 0.0
@@ -162,18 +124,14 @@ def test_feed_forward_is_the_inverse_of_a_steady_rate():
     tuning = tune(Gain(), scale)
     # delays of 4 ms turn the phase at 2 rad/s: cos and sin of 0.008 move it by 4 ms 2^2 / a
     assert tuning.gains["ped"].ff == pytest.approx(0.8 / 100.0, rel=0.03)
-    margins, rejection = tuning.margins("ped"), tuning.rejection("ped")
+    margins, rejection = (
+        margins_of(tuning.loop.broken("ped")),
+        rejection_of(tuning.loop.disturbance("ped")),
+    )
     assert margins.stable
     assert margins.least_gain >= LEAST_GAIN
     assert margins.least_phase >= LEAST_PHASE
     assert rejection.peak <= MOST_PEAK
-
-
-def test_gains_follow_the_vehicle_s_scale():
-    """A tail twice as strong takes half the gains: the loop is the same."""
-    one, two = (tune(Gain(gain), np.eye(4)).gains["ped"] for gain in (50.0, 100.0))
-    np.testing.assert_allclose(two[:4], 0.5 * np.array(one[:4]), rtol=1e-9)
-    assert two.angle == one.angle
 
 
 def test_a_vehicle_that_answers_the_other_way_is_refused():
@@ -193,42 +151,9 @@ def test_what_a_model_does_not_know_is_said():
         tune(Heave(), np.eye(4))
 
 
-def test_commands_of_the_autopilot_move_the_vehicle_by_its_scale():
-    """Yaw of 1 moves ped by the scale, and it comes late by half a tick and more."""
-    frequency = np.array([1.0, 10.0])
-    plant = Commanded(Gain(), np.diag([1.0, 1.0, 1.0, 0.75]))
-    ratio = plant.response(frequency)[:, 0] / Gain().response(frequency)[:, 0]
-    np.testing.assert_allclose(np.abs(ratio), 0.75)
-    np.testing.assert_allclose(-np.angle(ratio[0]) / frequency, 4e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("h_sw_type", 0.0), ("ATC_RAT_RLL_FLTTXX", 1.0), ("A B", 1.0), ("", 1.0), ("ATC_P", math.nan)],
-)
-def test_no_parameter_is_written_that_is_none(name, value):
-    """ArduPilot's names have 16 capitals at most, and values are finite."""
-    with pytest.raises(InputError, match=r"parameter of ArduPilot|finite"):
-        Setting(name, value)
-
-
-def test_no_parameter_is_set_twice():
-    """The second would win in silence."""
-    with pytest.raises(InputError, match="ATC_ANG_RLL_P is set twice"):
-        AutopilotParameters("", {"a": (Setting("ATC_ANG_RLL_P", 1.0),) * 2})
-
-
-def test_a_file_of_any_ground_station_is_read(tmp_path):
-    """Commas or blanks, comments anywhere; what is no parameter is told by its line."""
-    path = tmp_path / "a.parm"
-    path.write_text("# one\nATC_RAT_RLL_P,0.02\nH_CYC_MAX 2500 # all\n\nRC1_MIN\t1000.0\n")
-    assert read_parameters(path) == {"ATC_RAT_RLL_P": 0.02, "H_CYC_MAX": 2500.0, "RC1_MIN": 1000.0}
-    path.write_text("ATC_RAT_RLL_P\n")
-    with pytest.raises(InputError, match=r"a\.parm:1: 'ATC_RAT_RLL_P' is no parameter"):
-        read_parameters(path)
-    path.write_text("# nothing\n")
-    with pytest.raises(InputError, match="no parameter is in it"):
-        read_parameters(path)
+def test_no_parameter_is_written_that_is_no_number():
+    with pytest.raises(InputError, match="finite"):
+        Setting("ATC_P", math.nan)
 
 
 def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
@@ -244,7 +169,6 @@ def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
 
 
 def test_a_log_that_tells_of_no_axis_whole_is_refused(tmp_path):
-    """Roll alone is no model of roll and pitch."""
     path = SidLog().sweep(10, length=12.0, low=1.0).save(tmp_path)
     with pytest.raises(InputError, match="sweep roll and pitch both, or yaw"):
         hs.autopilot_parameters("jr700", path)

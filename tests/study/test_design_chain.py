@@ -24,7 +24,7 @@ def run_folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_path, capsys):
     """The sampled linearisation, of which nothing was told: 45 deg, 6 dB, 1.3 times the gyro's."""
     out = tmp_path / "design"
@@ -49,7 +49,7 @@ def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_p
     assert {one.kind for one in read_specs(out / "specs.toml")} >= {"hard", "soft", "objective"}
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_specification_out_of_reach_is_one_line(run_folder, tmp_path, capsys):
     specs = tmp_path / "specs.toml"
     specs.write_text(
@@ -72,7 +72,7 @@ def test_without_a_run_it_says_what_makes_one(tmp_path, capsys, monkeypatch):
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_records_of_no_shipped_vehicle_need_one(run_folder, tmp_path, capsys, jr700):
     """Whose records say nothing of what flew: the vehicle is asked for, and taken."""
     from helisim.records.storage import read_record, write_record
@@ -86,7 +86,7 @@ def test_records_of_no_shipped_vehicle_need_one(run_folder, tmp_path, capsys, jr
             write_record(replace(record, provenance=said), own / path.name)
     said = fails(capsys, "design", own, "--out", tmp_path / "a", "--quiet")
     assert "(--vehicle)" in said
-    words = ["--vehicle", "jr700", "--no-proof", "--models", "2", "--drawn", "5", "--quiet"]
+    words = ["--vehicle", "jr700", "--no-proof", "--models", "2", "--quiet"]
     out = tmp_path / "b"
     assert main(["design", *map(str, own.glob("*.parquet")), *words, "--out", str(out)]) in (0, 1)
     assert (out / "law.toml").is_file()

@@ -95,15 +95,6 @@ def test_loops_are_predicted_from_records_alone(jr700, plant, axis, faster):
 
 
 @pytest.mark.study
-def test_draws_scatter_less_than_the_bars(jr700, plant):
-    """So an interval from them says something: of crossover, the widest standard deviation."""
-    law = shipped_law(jr700)
-    for axis in ("lat", "lon", "ped"):
-        drawn = [figures(ClosedLoop(one, law), axis)["crossover"] for one in plant.draws(30)]
-        assert 0.0 < np.std(drawn) / np.mean(drawn) < BARS["crossover"]
-
-
-@pytest.mark.study
 def test_poles_and_steps_are_those_of_the_vehicle(jr700, plant):
     """Of the exact loop, which closes itself another way: its poles to 1.5 %, its steps to 2 %."""
     law, exact = shipped_law(jr700), exact_loop(jr700)
@@ -133,30 +124,16 @@ def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
         assert abs(found.least_gain - cut.least_gain) < BARS["gain margin"]
 
 
-@pytest.mark.study
-def test_two_axes_are_identified_without_the_others(jr700, flown):
-    """Without conditioning on pedals that the gyro moves: q/lat is then 3 % off."""
-    two = identify_for_design({axis: flown[axis] for axis in ("lat", "lon")}, axes=("lat", "lon"))
-    assert (two.inputs, two.axes) == (("lon", "lat"), ("lon", "lat"))
-    law, omega = shipped_law(jr700), np.array([8.0, 15.0, 30.0])
-    exact = exact_plant(jr700)
-    whole = exact.response(omega)
-    row, column = exact.outputs.index("p"), exact.inputs.index("lat")
-    found = two.response(omega)[two.outputs.index("p"), two.inputs.index("lat")]
-    np.testing.assert_allclose(found, whole[row, column], rtol=0.03)
-    assert ClosedLoop(two, law).axes == ("lon", "lat")
-
-
 def test_a_vehicle_without_a_bench_says_its_servos_itself():
     vehicle = load("blade360")
     found = servos_of(vehicle)
-    assert found["tail_omega"].value == vehicle.parameters["servo.tail_frequency"]
+    assert found["tail_omega"][0] == vehicle.parameters["servo.tail_frequency"]
     assert servos_of(None) is None
 
 
 def test_an_axis_without_sweeps_is_named_with_what_to_do():
     flights = {"lat": [make_flight()], "lon": [make_flight()], "col": [make_flight()]}
-    with pytest.raises(InputError, match=r"no sweep of ped.*Fly some.*axes=\('lat', 'lon', 'col'"):
+    with pytest.raises(InputError, match=r"no sweep of ped.*Fly some"):
         identify_for_design(flights)
     with pytest.raises(InputError, match=r"no sweep of lon.*sweeps of lat\. Fly"):
         identify_for_design({"lat": [make_flight()]}, axes=["roll"])
@@ -170,18 +147,3 @@ def test_records_that_do_not_say_what_they_sweep_are_refused():
 def test_a_folder_without_records_is_refused(tmp_path):
     with pytest.raises(StorageError, match="has no flight records"):
         identify_for_design(tmp_path)
-
-
-def test_servos_are_known_by_all_four_numbers():
-    flights = {axis: [make_flight()] for axis in ("lat", "lon", "ped", "col")}
-    with pytest.raises(InputError, match="swash_zeta, tail_omega, tail_zeta; got swash_omega"):
-        identify_for_design(flights, servos={"swash_omega": 200.0})
-
-
-@pytest.mark.study
-def test_yaw_needs_no_sweeps_of_other_axes(flown):
-    """It is identified from its own sweeps alone, the collective in them taken out."""
-    whole, part = (
-        identify_for_design(flights, axes=("ped",)) for flights in (flown, {"ped": flown["ped"]})
-    )
-    assert part.fits[0].values == whole.fits[0].values

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from helisim import ident
-from helisim.base.errors import InputError, StorageError, UnknownNameError
+from helisim.base.errors import InputError, StorageError
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.results import Exclusion, Results, as_json, read_models, write_models
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_model, make_verification
@@ -72,27 +72,17 @@ def everything() -> Results:
 @pytest.mark.parametrize(
     ("changes", "truth", "paper"),
     [
-        ({"identified": 500.0}, "agrees", "agrees"),
         ({"identified": 514.9}, "agrees", "agrees"),
         ({"identified": 515.1}, "differs", "agrees"),
         ({"identified": 594.1}, "differs", "differs"),
         ({"identified": 485.9}, "agrees", "differs"),
-        ({"identified": 484.9}, "differs", "differs"),
         ({"identified": -500.0}, "differs", "differs"),
         # what the data say of a value says nothing of its agreement
         ({"support": "poor", "cr_percent": 71.0}, "agrees", "agrees"),
-        ({"support": "good", "identified": 600.0}, "differs", "differs"),
         # another truth is not held against the paper, a reported parameter is no failure
-        (
-            {"identified": 800.0, "truth": 810.0, "paper_tolerance_percent": None},
-            "agrees",
-            "not judged",
-        ),
-        (
-            {"identified": 800.0, "tolerance_percent": None, "paper_tolerance_percent": None},
-            "not judged",
-            "not judged",
-        ),
+        ({"paper_tolerance_percent": None}, "agrees", "not judged"),
+        ({"truth": None}, "not judged", "agrees"),
+        ({"tolerance_percent": None}, "not judged", "agrees"),
         # by magnitude; and no percentage of zero is a distance
         ({"identified": -1.02, "truth": -1.0, "paper": -1.0}, "agrees", "agrees"),
         ({"identified": 0.0, "truth": 0.0}, "agrees", "differs"),
@@ -106,12 +96,6 @@ def test_agreement_is_with_each_reference(changes, truth, paper):
     expected = "differs" if "differs" in both else "agrees" if "agrees" in both else "not judged"
     assert row.agreement == expected
     assert len(row.misses()) == [truth, paper].count("differs")
-
-
-def test_errors_have_the_sign_of_identified_minus_reference():
-    row = make_row(identified=-1.02, truth=-1.0, paper=800.0)
-    assert row.error_percent == pytest.approx(-2.0, rel=1e-12)  # rounding
-    assert make_row(identified=800.0).paper_error_percent == pytest.approx(48.15, rel=1e-3)
 
 
 def test_a_miss_says_which_by_how_much_and_why():
@@ -132,44 +116,36 @@ def test_a_miss_says_which_by_how_much_and_why():
     assert "4 % from the equivalent's 500" in miss
 
 
+def test_a_ratio_to_nothing_is_infinite():
+    data = everything().to_dict()
+    (gain,) = data["eq_8"]["coefficients"]
+    gain["direct"] = 0.0
+    results = Results.from_dict(data)
+    assert results.to_dict()["eq_8"]["coefficients"][0]["difference_percent"] == "inf"
+    gain["direct"] = math.inf
+    with pytest.raises(InputError, match=r"coefficients\[0\]\.direct must be .*, got inf"):
+        Results.from_dict(data)
+
+
 def test_the_json_has_its_shape():
-    """Given values with their sources, findings by name, what was left out with a sentence."""
     data = json.loads(json.dumps(everything().to_dict(), allow_nan=False))
     assert (data["seed"], data["versions"], data["misses"]) == (7, {"helisim": "0.1.0"}, [])
     (table,) = data["tables"]
-    assert table | {"band_rad_s": (3.0, 30.0)} == table | TABLE | {"band_rad_s": (3.0, 30.0)}
     first, unseen, _, free = table["parameters"]
-    names = ["name", "unit", "paper", "truth", "identified", "cr_percent", "insensitivity_percent"]
-    assert list(first)[:7] == names
     assert (first["truth_agreement"], first["paper_agreement"]) == ("agrees", "agrees")
     assert (unseen["cr_percent"], free["truth"]) == ("inf", None)
     given = {"name": "k_I", "unit": "1/s", "value": 17.7, "source": "bench"}
     assert table["given"] == [{**given, "standard_error": 0.0014}]
-    assert data["eq_8"]["gain_db"] == EQ_8.gain_db
     assert data["before_after"]["changes"][0]["ratio"] == GYRO_EFFECT.changes[0].ratio
-    assert data["ground"]["bench"]["findings"][1]["truth"] is None
-    assert [one["name"] for one in data["verification"]["rollpitch_in1"]["outputs"]] == ["p", "q"]
-    assert data["excluded"] == [
-        {
-            "flight": "lat_03",
-            "reason": "less coherent",
-            "coherence": 0.98765,
-            "limit": 0.9912,
-            "kept": 10,
-            "message": INCOHERENT.message,
-        },
-        {
-            "flight": "ped_01",
-            "reason": "terminated early",
-            "ended": "it touched the ground at 12.50 s",
-            "message": "flight ped_01: was terminated early: it touched the ground at 12.50 s",
-        },
-    ]
+    told = {"flight": "ped_01", "reason": "terminated early", "ended": ENDED.ended}
+    assert data["excluded"][1] == {
+        **told,
+        "message": "flight ped_01: was terminated early: it touched the ground at 12.50 s",
+    }
 
 
 @pytest.mark.parametrize("results", [everything(), make_results(make_row())], ids=["all", "few"])
 def test_results_come_back_from_json(results):
-    """All of them, equal; also without what the results of `helisim recover` don't have."""
     text = json.dumps(results.to_dict(), allow_nan=False)
     again = Results.from_dict(json.loads(text))
     assert again == results
@@ -183,9 +159,7 @@ def test_results_come_back_from_json(results):
     ("change", "message"),
     [
         ({"seed": "one"}, r"results\.seed must be an integer, got 'one'"),
-        ({"seed": True}, "seed must be an integer, got True"),
         ({"tables": [{"name": "heave"}]}, r"tables\[0\] needs input and "),
-        ({"tables": {}}, "tables must be a list of tables, got {}"),
         ({"excluded": ["flight 3 was bad"]}, r"excluded\[0\] must be a table .*'flight 3 was bad'"),
         (
             {"excluded": [{"flight": "lat_01", "reason": "disliked"}]},
@@ -196,12 +170,9 @@ def test_results_come_back_from_json(results):
             {"eq_8": {**as_json(EQ_8), "band_rad_s": [1.0]}},
             r"eq_8\.band_rad_s must be a list of 2 numbers",
         ),
-        ({"ground": {"bench": 3}}, r"ground\.bench must be a table .*, got 3"),
-        ({"versions": {"numpy": 2}}, r"versions\.numpy must be text, got 2"),
     ],
 )
 def test_what_is_no_result_is_refused(change, message):
-    """The place, what is there and what was expected; also of a file that is only damaged."""
     data = {**everything().to_dict(), **change}
     with pytest.raises(InputError, match=f"a file: not the results of a run.*{message}"):
         Results.from_dict(data, "a file")
@@ -211,32 +182,15 @@ def test_what_is_no_result_is_refused(change, message):
     ("kind", "changes", "message"),
     [
         (make_row, {"identified": math.nan}, r"L_b\.identified must be a finite number, got nan"),
-        (make_row, {"truth": math.inf}, r"L_b\.truth must be a finite number, got inf"),
-        (make_row, {"truth": None}, "tolerance_percent needs a value of truth"),
-        (make_row, {"paper": None}, "paper_tolerance_percent needs a value of paper"),
         (make_row, {"tolerance_percent": 0.0}, "tolerance_percent must be a number above 0, got"),
-        (make_row, {"tolerance_percent": math.nan}, "tolerance_percent must be a finite number"),
-        (make_row, {"tolerance_reason": ""}, "tolerance_percent needs its reason"),
-        (ComparisonTable, {"cost": math.nan}, "cost must be a finite number"),
         (ComparisonTable, {"cost": -1.0}, "cost must be a number 0 or more"),
-        (ComparisonTable, {"band_rad_s": (30.0, 3.0)}, "band must rise"),
-        (ComparisonTable, {"band_rad_s": (0.0, 3.0)}, "band_rad_s.* must be a number above 0"),
     ],
 )
 def test_what_cant_be_judged_is_refused(kind, changes, message):
-    """NaN never passes a tolerance by comparing false, and no tolerance lacks its reason."""
+    """NaN never passes a tolerance by comparing false."""
     given = {**TABLE, "parameters": ()} if kind is ComparisonTable else {}
     with pytest.raises(InputError, match=message):
         kind(**{**given, **changes})
-
-
-def test_results_are_addressed_by_name():
-    results = make_results(make_row())
-    assert results["rollpitch_in1"]["L_b"].identified == 505.0
-    with pytest.raises(UnknownNameError, match="available: rollpitch_in1"):
-        results["heave"]
-    with pytest.raises(UnknownNameError, match="available: L_b"):
-        results["rollpitch_in1"]["M_a"]
 
 
 @pytest.fixture(scope="module")
@@ -259,12 +213,10 @@ def test_a_model_comes_back(tmp_path, item):
     ("place", "value"),
     [
         (("fit",), {}),
-        (("note",), 3),
         (("verified_on",), "doublet"),
         (("exact", "frequency"), "fast"),
         (("verification", "j_rms"), "large"),
         (("verification", "traces"), [{"time": "early"}]),
-        (("verification",), "good"),
     ],
 )
 def test_a_damaged_model_is_refused(tmp_path, item, place, value):

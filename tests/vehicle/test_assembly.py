@@ -1,41 +1,22 @@
 """What the compiled vehicle weighs and is made of."""
 
-import copy
-
 import mujoco
 import numpy as np
 import pytest
 
-from helisim.base.errors import ModelError
 from helisim.physics.layout import (
     ACTUATORS,
-    CONTROL,
     MAGIC,
     PARAM,
     ROTOR,
-    SENSOR,
-    SENSORS,
     STATE,
     SWASH_STATES,
     TAIL_STATES,
 )
 from helisim.physics.native import installed
-from helisim.study.paper import published
 from helisim.vehicle import load
-from helisim.vehicle.assembly import assemble, check_interface, total_inertia
+from helisim.vehicle.assembly import assemble, total_inertia
 from helisim.vehicle.trim import addresses, place
-
-AIRFRAME = published("jr700")["airframe"]
-
-
-def test_total_mass_is_the_papers(jr700):
-    """8.01 kg (Table 1), to rounding."""
-    assert jr700.model.body_subtreemass[1] == pytest.approx(AIRFRAME["m"].value, rel=1e-12)
-
-
-def test_gravity_is_the_papers(jr700):
-    """9.8015 m/s^2 (Table 1), downwards."""
-    assert jr700.model.opt.gravity.tolist() == [0.0, 0.0, -AIRFRAME["g"].value]
 
 
 def test_total_inertia_is_the_calibrated(jr700):
@@ -64,14 +45,6 @@ def test_time_step_is_set():
         assert model.actuator_history[pedal, 0] * timestep >= 0.022 + timestep
 
 
-def test_delay_free_copy_has_no_delay(jr700):
-    """The model for linearisation is the same but for the pedal's latency."""
-    free = assemble("jr700", jr700.parameters, delays=False)
-    assert not free.actuator_delay.any()
-    assert free.nhistory == 0
-    assert free.body_inertia == pytest.approx(jr700.model.body_inertia, rel=1e-12)
-
-
 def test_force_laws_carry_the_parameters(jr700):
     """The rotor's user numbers are the parameters; all nine actuators say whose they are."""
     where = addresses(jr700.model)
@@ -85,13 +58,6 @@ def test_force_laws_carry_the_parameters(jr700):
     assert user[ROTOR, PARAM.pilot_on] == 0.0
 
 
-def test_a_model_out_of_order_is_refused():
-    """Actuators that are not nine in a row are listed in the message, not flown."""
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    with pytest.raises(ModelError, match="COL, LON, LAT, PED"):
-        check_interface(model)
-
-
 def test_states_are_where_the_layout_says(jr700):
     """The layout's activations in its order, and the laws' states once more behind them."""
     model = jr700.model
@@ -100,44 +66,6 @@ def test_states_are_where_the_layout_says(jr700):
     assert addresses(model).state == model.actuator_actadr[servo] == STATE.front_position == 0
     assert model.actuator_actadr[model.actuator("servo_tail").id] == STATE.tail_position
     assert model.actuator_actadr[model.actuator("rotor").id] == STATE.flap_a
-
-
-def test_controls_are_where_the_layout_says(jr700):
-    """Nine controls, one an actuator and in the same order: COL is col."""
-    assert tuple(name.lower() for name in ACTUATORS) == CONTROL._fields
-
-
-def test_sensors_are_where_the_layout_says(jr700):
-    """Each sensor's numbers start at its first name, whatever sensors stand before."""
-    model, names = jr700.model, SENSOR._fields
-    first = model.sensor("imu_gyro").adr[0]
-    starts = {name: names[model.sensor(name).adr[0] - first] for name in SENSORS}
-    assert list(starts.values()) == [
-        "imu_p",
-        "imu_ax",
-        "imu_u",
-        "imu_quat_w",
-        "imu_x",
-        "gyro_x",
-        "stick_col",
-        "command_front",
-        "position_front",
-        "flap_a",
-        "thrust",
-        "drive_power",
-        "air_u",
-        "contact_north",
-        "clock",
-    ]
-    assert sum(SENSORS.values()) == len(SENSOR)
-
-
-def test_a_sensor_of_another_size_is_refused(jr700):
-    """The callbacks would write behind it, into the next one."""
-    model = copy.copy(jr700.model)
-    model.sensor_dim[model.sensor("air").id] = 5
-    with pytest.raises(ModelError, match="'air' must have 6 numbers, it has 5"):
-        check_interface(model)
 
 
 def test_the_model_to_look_at_flies_the_same(jr700):

@@ -11,8 +11,7 @@ import heron
 from command import fails
 from helisim.base.errors import ModelError
 from helisim.cli import main
-from helisim.study.paper import published
-from helisim.vehicle.swashplate import FLAPPING, Flapping, TipPathPlane
+from helisim.vehicle.swashplate import TipPathPlane
 
 INERTIA = "main_rotor.blade_inertia"
 
@@ -39,24 +38,6 @@ def test_the_papers_time_constant_is_a_blade(jr700):
     assert own[INERTIA] == pytest.approx(0.0521, abs=5e-5)
 
 
-def test_a_blade_one_can_buy_is_within_the_papers_bound(jr700):
-    """NHP's carbon blade: 557 mm from bolt to tip and about 100 g, as measured at Delft.
-
-    https://ii.tudelft.nl/~wouter/helipage/docs/blades/blades.html. Grown in all directions to the
-    690 mm of this rotor, and as heavy everywhere along its length.
-    """
-    length, radius = 0.690, jr700.parameters["main_rotor.radius"]
-    mass = 0.100 * (length / 0.557) ** 3
-    root = radius - length
-    inertia = mass * (radius**3 - root**3) / (3.0 * length)
-    assert inertia == pytest.approx(0.0414, abs=5e-5)
-    bought = hs.load("jr700", parameters={INERTIA: inertia})
-    printed = published("jr700")["rollpitch_in1"]["tau_f"]
-    off = 100.0 * (1.0 - bought.parameters["flapping.tau_f"] / printed.value)
-    assert off == pytest.approx(21.3, abs=0.1)
-    assert off < printed.cr_percent
-
-
 def test_a_heavier_blade_follows_more_slowly(jr700):
     """Twice the inertia: half the Lock number; springs as stiff beside the air as before."""
     heavy = hs.load("jr700", parameters={INERTIA: 2.0 * jr700.parameters[INERTIA]})
@@ -80,14 +61,6 @@ def test_what_the_air_does_changes_and_the_blade_stays(jr700, name):
     assert lock_number(own) / lock_number(before) == pytest.approx(
         TipPathPlane.of(own).share / TipPathPlane.of(before).share, rel=1e-12
     )
-
-
-def test_a_time_constant_that_is_set_stands(jr700):
-    """Beside a density too, and the blade that has it follows."""
-    other = hs.load("jr700", parameters={"flapping.tau_f": 0.03, "air.density": 1.1})
-    assert other.parameters["flapping.tau_f"] == 0.03
-    assert other.derivatives["tau_f"] == pytest.approx(0.03, rel=1e-8)
-    assert other.parameters[INERTIA] < jr700.parameters[INERTIA]
 
 
 def test_all_parameters_of_a_vehicle_load_it_again(jr700):
@@ -146,18 +119,3 @@ def test_a_target_beside_the_inertia_is_refused(tmp_path, capsys):
     file.write_text(file.read_text().replace("[targets]\n", "[targets]\n" + line))
     said = fails(capsys, "calibrate", there, "--quiet")
     assert "main_rotor.blade_inertia and the target tau_f both say how fast" in said
-
-
-def test_the_calibration_says_what_blade_it_is(capsys):
-    """The head of calibrated.toml: inertia, Lock number, and what inflow leaves of it."""
-    assert main(["calibrate", "jr700", "--quiet"]) == 0
-    said = " ".join(capsys.readouterr().out.split("[flapping]")[0].replace("#", "").split())
-    assert "a flapping inertia of 0.0521 kg m^2, as 0.266 kg spread evenly over 0.767 m" in said
-    assert "a Lock number gamma of 3.18. Inflow that follows its flapping leaves 1.91" in said
-
-
-def test_the_section_is_read_whole(jr700):
-    """Seven numbers there and back."""
-    section = Flapping.of(jr700.parameters).to_parameters()
-    assert list(section) == [f"flapping.{name}" for name in FLAPPING]
-    assert all(jr700.parameters[name] == value for name, value in section.items())

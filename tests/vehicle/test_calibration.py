@@ -2,11 +2,11 @@
 
 import pytest
 
-from helisim.base.errors import InputError, ModelError
+from helisim.base.errors import InputError
 from helisim.study.paper import published
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED
-from helisim.vehicle.folder import model_folder
+from helisim.vehicle.parameters import model_folder
 
 FOLDER = model_folder("jr700")
 TARGETS = {
@@ -40,10 +40,3 @@ def test_missing_target_is_named(value):
         targets["N_r"] = value
     with pytest.raises(InputError, match="N_r"):
         calibrate("jr700", given, targets, "test")
-
-
-def test_unreachable_target_is_one_clear_line():
-    """A tail that turns the wrong way when pushed has no solution, and that is said."""
-    given = read_parameters(FOLDER / "parameters.toml")
-    with pytest.raises(ModelError):
-        calibrate("jr700", given, TARGETS | {"Z_w": 5.0}, "test")

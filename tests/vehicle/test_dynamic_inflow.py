@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from helisim.base.errors import InputError
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import Vehicle, load
@@ -45,21 +44,6 @@ def test_hover_is_the_quasi_steady_one(jr700, moving):
         assert at_rest == pytest.approx(still, abs=1e-9), name
 
 
-@pytest.mark.parametrize("speed", [5.0, 15.0, 25.0])
-def test_level_flight_differs_by_the_slope_alone(jr700, moving, speed):
-    """Attitude and tilt are the same; the swashplate holds against another slope of the wake.
-
-    15 pi / 32 tan(chi / 2) of the mean here, sin^2(chi) there: up to 0.25 of 0.03, and a third of
-    that where the collective meets the air that the tilted swashplate lets in.
-    """
-    still, at_rest = jr700.trimmed(speed=speed).trim, moving.trimmed(speed=speed).trim
-    for name in ("phi", "theta", "a", "b"):
-        assert getattr(at_rest, name) == pytest.approx(getattr(still, name), abs=3e-4), name
-    for name in ("col", "ped", "lon"):
-        assert getattr(at_rest, name) == pytest.approx(getattr(still, name), abs=3e-3), name
-    assert at_rest.lat == pytest.approx(still.lat, abs=0.01)
-
-
 def test_derivatives_are_the_quasi_steady_ones(jr700, moving):
     """Tables 1 to 4 hold for both: with inflow that has followed nothing is left of it.
 
@@ -69,13 +53,6 @@ def test_derivatives_are_the_quasi_steady_ones(jr700, moving):
         if not name.endswith(("_u", "_v")):
             # central differences of steps of 1e-5, here of one state more on the way: 2e-7 of N_v
             assert moving.derivatives[name] == pytest.approx(value, rel=1e-6, abs=1e-7), name
-
-
-def test_three_states_have_names_where_they_move(jr700, moving):
-    """Named in the linearisation, in m/s; left out where the inflow is quasi-steady."""
-    assert set(INFLOW) <= set(moving.linearize().system.state_labels)
-    assert not set(INFLOW) & set(jr700.linearize().system.state_labels)
-    assert set(INFLOW) <= set(moving.linearize("IN2").system.state_labels)
 
 
 def test_hovers_inflow_row_is_chen_and_hindsons(moving):
@@ -274,8 +251,3 @@ def test_eulers_error_falls_with_the_square_of_its_step():
     assert np.all(coarse[:4] < 1e-3 * moved[:4])
     # the truth has 1/64 of the error of 2 ms itself: 4.2 instead of 4
     assert coarse / fine == pytest.approx(4.2, abs=0.4)
-
-
-def test_a_word_that_is_no_inflow_is_refused():
-    with pytest.raises(InputError, match=r"main_rotor\.inflow must be quasi-steady or pitt-peters"):
-        load("jr700", parameters={"main_rotor.inflow": "drees"})

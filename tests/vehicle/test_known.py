@@ -1,13 +1,11 @@
 """A vehicle that is calibrated to nothing: what its blades and hub say themselves."""
 
-import math
-
 import pytest
 
 from helisim.study.new_vehicle import calibrated_text
-from helisim.vehicle import load, read_parameters, standard_parameters
+from helisim.vehicle import read_parameters, standard_parameters
 from helisim.vehicle.calibrate import flapping_of, is_known, settled
-from helisim.vehicle.folder import model_folder
+from helisim.vehicle.parameters import model_folder
 
 FOLDER = model_folder("lynx")
 
@@ -44,10 +42,3 @@ def test_the_calibrated_file_is_what_calibrate_writes():
     solved = settled("lynx", read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml"))
     assert dict(solved) == pytest.approx(dict(stored), rel=1e-9)
     assert calibrated_text("lynx") == (FOLDER / "calibrated.toml").read_text()
-
-
-def test_the_hover_stands_with_the_controls_centred():
-    trim = load("lynx").trim
-    assert max(abs(trim.col), abs(trim.ped)) < 1e-9
-    assert abs(trim.lon) < 0.5
-    assert math.degrees(abs(trim.phi)) < 5.0

@@ -1,26 +1,19 @@
 """A vehicle seen in a mirror flies the mirror image of every flight: physics knows no hand."""
 
-import copy
-
-import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics.layout import PARAM, STATE
-from helisim.physics.motion import flip
-from helisim.physics.native import installed
 from helisim.records.record import IN1, IN2, POSITIONS, RATES, SERVOS
 from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
 from helisim.sim.excitation import Excitation
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import assemble
-from helisim.vehicle.folder import model_folder
-from helisim.vehicle.trim import addresses, find_trim
-from mirror import mirrored
+from helisim.vehicle.parameters import model_folder
+from helisim.vehicle.trim import find_trim
+from mirror import mirrored, mirrored_parts
 
 ROUNDING = 1e-11
 """Of some 10 m, m/s and rad: a sum in another order, in a flight that is stable."""
-ODD_AIR = ("air_v_lag", "air_p", "air_v", "air_r_lag")
 ASKEW = {
     "swashplate.front_angle": 0.2,
     "swashplate.left_angle": 1.9,
@@ -41,75 +34,11 @@ def pair(request):
     if askew:
         for model in models:
             model.body_ipos[:, 1] += 0.003
-    _mirror(models[1])
+    mirrored_parts(models[1])
     each = zip((own, mirrored(own)), models)
     return tuple(
         Vehicle(model_folder("jr700"), values, model, find_trim(model)) for values, model in each
     )
-
-
-def _mirror(model):
-    for places in (model.body_ipos, model.site_pos, model.geom_pos):
-        places[:, 1] *= -1.0
-    for turns in (model.body_iquat, model.site_quat, model.geom_quat):
-        turns[:, [1, 3]] *= -1.0
-
-
-def rough(model, hand):
-    """Let the air turn and a gust come from the side, without noise, mirrored by the hand."""
-    par = model.actuator_user[addresses(model).rotor]
-    par[PARAM.turbulence_on], par[PARAM.turbulence_cosine] = 1.0, 1.0
-    par[PARAM.turbulence_span] = 1.5
-    par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = [3.0, 2.0, 2.5, 1.5]
-    par[PARAM.gust_north : PARAM.gust_down + 1] = [1.0, 2.0 * hand, 0.5]
-    par[PARAM.gust_start], par[PARAM.gust_rise], par[PARAM.gust_hold] = 0.5, 0.7, 0.4
-    air = dict(zip(STATE._fields[STATE.air_u :], [1.0, 2.0, 1.5, 0.4, 1.0, -1.0, 0.8, -1.2]))
-    return [value * (hand if name in ODD_AIR else 1.0) for name, value in air.items()]
-
-
-def forward_flight(vehicle, hand):
-    """Return what is felt on a flight ahead in side wind and rough air, moving all sticks."""
-    there = vehicle.trimmed(speed=9.0, wind=(-2.0, 3.0 * hand, 0.4))
-    model, data = copy.copy(there.model), there.hovering()
-    where = addresses(model)
-    data.act[where.state + STATE.air_u : where.state + STATE.feels_x] = rough(model, hand)
-    sticks = data.ctrl[where.control : where.control + 4].copy()
-    rows = []
-    with installed():
-        for _ in range(1500):
-            t = data.time
-            moved = np.array(
-                [
-                    0.05 * np.sin(2.0 * t),
-                    0.1 * np.sin(5.0 * t),
-                    0.12 * hand * np.cos(4.0 * t),
-                    0.1 * hand * np.sin(3.0 * t),
-                ]
-            )
-            data.ctrl[where.control : where.control + 4] = sticks + moved
-            mujoco.mj_step(model, data)
-            rows.append(
-                [
-                    *flip(*data.sensor("imu_position").data),
-                    *flip(*data.sensor("imu_velocity").data),
-                    *flip(*data.sensor("imu_gyro").data),
-                    *flip(*data.sensor("imu_accelerometer").data),
-                    *data.sensor("flapping").data,
-                    *data.sensor("rotor").data,
-                ]
-            )
-    return np.array(rows)
-
-
-def test_forward_flight_is_the_mirror_image(pair):
-    """Place, velocity, turning, specific force, tilt, thrusts and torque: to rounding, for 3 s."""
-    one, other = (forward_flight(vehicle, hand) for vehicle, hand in zip(pair, (1.0, -1.0)))
-    vector, pseudo = [1.0, -1.0, 1.0], [-1.0, 1.0, -1.0]
-    signs = [*vector, *vector, *pseudo, *vector, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-    assert np.abs(one[:, 3:9]).max() > 1.0  # it flies and turns
-    assert np.ptp(one[:, 6]) > 0.5
-    scale = np.maximum(1.0, np.abs(one).max(axis=0))
-    assert np.abs(other - one * signs).max(axis=0) / scale == pytest.approx(0.0, abs=ROUNDING)
 
 
 class MirroredWeave(Excitation):

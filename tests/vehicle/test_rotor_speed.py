@@ -8,14 +8,11 @@ from command import fails
 from helisim.base.errors import ModelError, TrimError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.sim import Doublet, fly
-from helisim.study.check import check_vehicle
 from helisim.vehicle import load
 from helisim.vehicle.build import write_numbers
 from helisim.vehicle.trim import addresses
 from own_vehicle import copied, edited
 
-STATES = ("speed", "engine", "governor")
 MOTOR = {"drive.governor": "motor"}
 
 
@@ -60,29 +57,6 @@ def test_the_hover_s_responses_are_those_of_the_ideal_governor(name, response, b
     larger there, and by half of it in phase or gain an octave or two below.
     """
     assert largest_difference(name, response, *band) < most
-
-
-def test_the_linear_model_has_rotor_speed_only_with_a_motor(jr700, motor):
-    """Three states more, at their names; the ideal governor's model is without them."""
-    ideal, moving = jr700.linearize().system, motor.linearize().system
-    assert not set(STATES) & set(ideal.state_labels)
-    assert set(moving.state_labels) - set(ideal.state_labels) == set(STATES)
-    assert moving.nstates == ideal.nstates + 3
-
-
-def test_derivatives_are_those_of_a_speed_that_is_kept(jr700, motor):
-    """What structures without rotor speed have; the motor's own linear model has more of it."""
-    assert motor.derivatives == pytest.approx(jr700.derivatives, rel=1e-9)
-    assert motor.linearize().derivative("r", "tail_position") > 1.02 * jr700.derivatives["N_ped"]
-
-
-def test_a_folder_with_a_motor_is_calibrated_as_one_without(tmp_path):
-    """Nothing is wrong with it: targets hold at a speed that is kept."""
-    own = copied(tmp_path / "own")
-    edited(own, "parameters.toml", 'governor = { value = "ideal"', 'governor = { value = "motor"')
-    (own / "jr700.xml").rename(own / "own.xml")
-    write_numbers(own)
-    assert [str(one) for one in check_vehicle(own).problems] == []
 
 
 def test_the_motor_s_own_mode_is_that_of_its_data(motor):
@@ -165,13 +139,6 @@ def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
     one, other = map(np.array, histories)
     assert np.abs(one - 1.0).max() > 5e-4
     assert np.abs(one - other).max() < 2e-5
-
-
-def test_an_ideal_governor_knows_nothing_of_the_motor(jr700):
-    """Another motor, or none at all: the same flight to the last bit."""
-    other = load("jr700", parameters={"drive.inertia": 0.1, "drive.engine": "combustion"})
-    (one,), (two,) = (fly(each, Doublet(axis="ped"), seed=3) for each in (jr700, other))
-    assert one.values.tobytes() == two.values.tobytes()
 
 
 def test_a_motor_that_is_too_weak_is_told():

@@ -57,12 +57,6 @@ def test_the_mixing_is_that_of_a_published_autopilot(geometry, left, right, elev
     assert found[:, [2, 1, 0]] == pytest.approx(np.array(roll_pitch_collective), abs=1e-15)
 
 
-def test_what_is_left_out_is_120_degrees_with_a_servo_at_the_nose():
-    """The default: the front one alone lifts the nose, and both others lower it by half."""
-    expected = [[1.0, 1.0, 0.0], [1.0, -0.5, 0.5 * ROOT_3], [1.0, -0.5, -0.5 * ROOT_3]]
-    assert np.array(H3_120.mix(*np.eye(3))) == pytest.approx(np.array(expected), abs=1e-16)
-
-
 angle = st.floats(-180.0, 180.0)
 arm = st.floats(0.5, 2.0)
 unit = st.floats(-1.0, 1.0)
@@ -90,31 +84,7 @@ def test_any_three_servos_stand_on_the_plane_of_the_swashplate(angles, arms, sig
     # rounding; cosines within 1e-12 of a plain value take it
     assert servos == pytest.approx(signs * (col + x * lon + y * lat), abs=1e-11)
     assert found.unmix(*servos) == pytest.approx(at, abs=1e-11 / area)
-
-
-@given(lon=unit, lat=unit, col=unit)
-def test_no_cyclic_at_its_stop_moves_the_servos_less_than_the_least(lon, lat, col):
-    """The bound that lets the envelope skip most flights is one, and it is reached."""
-    for found in (H3_120, plate(**H3_140)):
-        cyclic = max(abs(lon), abs(lat))
-        assert np.abs(found.mix(col, lon, lat)).max() >= found.least_travel(cyclic) * (1 - 1e-12)
-    # 120 degrees: lon at its stop with col and lat as far against it as helps, 3/4 of it
-    assert H3_120.least_travel(1.0) == pytest.approx(0.75)
     assert np.abs(H3_120.mix(-0.25, 1.0, 0.0)).max() == pytest.approx(0.75)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"left_arm": 0.0}, "swashplate.left_arm must be positive, got 0"),
-        ({"front_sign": 0.5}, "swashplate.front_sign must be 1, or -1 for a reversed servo"),
-        ({"left_angle": 0.0}, "too nearly in one line to tilt it both ways: 0, 0, -120 degrees"),
-    ],
-)
-def test_a_swashplate_that_is_none_is_refused(changes, message):
-    """One sentence with what was given and what to change."""
-    with pytest.raises(ModelError, match=message):
-        plate(**changes)
 
 
 def test_the_flight_does_not_depend_on_where_the_servos_stand():
@@ -142,7 +112,15 @@ def test_the_flight_does_not_depend_on_where_the_servos_stand():
     assert Swashplate.of(parameters).numbers == pytest.approx(other.swashplate.numbers, abs=0.0)
 
 
-def test_a_rotor_turns_one_way_or_the_other():
-    """A direction that is none is refused with what the two are."""
-    with pytest.raises(ModelError, match=r"main_rotor.direction must be 1 .* or -1 .*, got 0"):
-        load("jr700", parameters={"main_rotor.direction": 0.0})
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"swashplate.left_arm": 0.0}, "'swashplate.left_arm' must be positive, got 0"),
+        ({"swashplate.front_sign": 0.5}, "'swashplate.front_sign' must be one of -1, 1"),
+        ({"swashplate.left_angle": 0.0}, "too nearly in one line .* ways: 0, 0, -120 degrees"),
+    ],
+)
+def test_a_swashplate_that_is_none_is_refused(changes, message):
+    """One sentence with what was given and what to change."""
+    with pytest.raises(ModelError, match=message):
+        load("jr700", parameters=changes)

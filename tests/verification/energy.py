@@ -14,7 +14,6 @@ from helisim.vehicle.trim import root_body
 
 FLIGHTS = {
     "forward": {"mission": missions.Forward(speed=15.0)},
-    "pirouette": {"mission": missions.Pirouette()},
     "take-off, hover, landing": {"mission": missions.TakeOffHoverLand()},
     "autorotation, 30 m and 0 m/s": {"mission": missions.Autorotation(height=30.0, speed=0.0)},
     "autorotation, 60 m and 10 m/s": {"mission": missions.Autorotation(height=60.0, speed=10.0)},
@@ -33,23 +32,14 @@ FLIGHTS = {
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """A flight's energy, J, at each of its samples.
+    """A flight's energy, J, at each of its samples, (n_time,)."""
 
-    Attributes:
-        kinetic: (n_time,) of the body, in translation and rotation.
-        potential: (n_time,) in gravity, from its start on.
-        spin: (n_time,) of the rotor and what turns with it.
-        delivered: (n_time,) by the motor, since the start.
-        wind: (n_time,) by air that moves, likewise.
-        lost: (n_time,) to the air.
-    """
-
-    kinetic: np.ndarray
-    potential: np.ndarray
-    spin: np.ndarray
-    delivered: np.ndarray
-    wind: np.ndarray
-    lost: np.ndarray
+    kinetic: np.ndarray  # of the body, in translation and rotation
+    potential: np.ndarray  # in gravity, from its start on
+    spin: np.ndarray  # of the rotor and what turns with it
+    delivered: np.ndarray  # by the motor, since the start
+    wind: np.ndarray  # by air that moves, likewise
+    lost: np.ndarray  # to the air
 
     @property
     def missing(self):

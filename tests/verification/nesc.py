@@ -97,14 +97,7 @@ def start_gravity() -> float:
 def drop(
     vehicle: Vehicle, case: int, times: list[float], *, timestep: float | None = None
 ) -> NDArray[np.float64]:
-    """Return COLUMNS at each time, (n, 9), feet and degrees, of a body dropped in place of ours.
-
-    Args:
-        vehicle: whose model is flown.
-        case: 1 to 3.
-        times: s, whole numbers of time steps.
-        timestep: s; the vehicle's own if None.
-    """
+    """Return COLUMNS at each time, (n, 9), feet and degrees, of a body dropped in place of ours."""
     body = CASES[case]
     model = _replaced(vehicle, body)
     model.opt.timestep = timestep or model.opt.timestep

@@ -1,17 +1,12 @@
-"""Errors, units, values, files and settings, used by every package; imports nothing of helisim."""
+"""Errors, units, values, files and settings; imports nothing else of helisim."""
 
 import sys
 
-_STEPS = 500
-"""Of an episode: ten seconds of frames of 20 ms."""
+_STEPS = 500  # of an episode: ten seconds of frames of 20 ms
 
 
 def register() -> None:
-    """Register `helisim/Hover-v0` and `helisim/Track-v0` if gymnasium has been imported.
-
-    Entry points are texts, imported when an environment is made. Where gymnasium comes after
-    helisim, `import helisim.gym` registers them.
-    """
+    """Register helisim's environments, as `helisim.gym` does, if gymnasium has been imported."""
     known = sys.modules.get("gymnasium.envs.registration")
     if known is None:
         return

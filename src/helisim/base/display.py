@@ -1,9 +1,4 @@
-"""How values are shown, without knowing by whom.
-
-A record, a response or a fit has `plot` and, for notebooks, `_repr_html_`. What draws stands floors
-above them and imports them, never the other way round: `helisim` itself, which knows where all is,
-has its address, and it is imported when something is shown.
-"""
+"""Display of values in notebooks."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -16,15 +11,15 @@ if TYPE_CHECKING:
 
 
 def shower() -> Any:
-    """Return the module that shows values."""
+    """Return the module that renders values."""
     return import_module(helisim.SHOWN_BY)
 
 
 class Displayed:
-    """Base of values that a notebook shows as a page instead of as text."""
+    """Base of values that a notebook shows as a page."""
 
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        """Return a piece of HTML, light and dark, that needs nothing but itself."""
+        """Return self-contained HTML, light and dark."""
         return shower().to_html(self)

@@ -1,39 +1,27 @@
-"""Exceptions: one base, one subclass for each cause.
+"""Exceptions: one base, one subclass for each cause; messages have at most 500 characters.
 
-A message says what was received, what was expected, which names exist, and what to do; it has at
-most 500 characters, none of them a control character. Options of the command line aren't in it:
-an error names the settings that mend it, which the command line words as its options:
-
-    raise IdentificationError("the record is too short", remedy="windows,repair=gaps")
+Settings that help are the `remedy`, such as "windows,repair=gaps".
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from helisim.base.note import Command, Option, Remedy, options
 from helisim.base.text import shown
 
-_LONGEST = 500
-"""Characters of a message, of logs' of a line."""
-_MOST_LISTED = 30
-"""Names in a message; of more, or of longer ones, only those alike and their number."""
-_LONGEST_LIST = 300
-"""Characters of the names in a message."""
-_ALIKE = 0.6
-"""Likeness from which on a name may have been meant; difflib's own default."""
-_CLOSE_TO_BEST = 0.1
-"""By which others may be less alike than the best."""
+Item = TypeVar("Item")
+
+_LONGEST = 500  # characters of a message; of logs' errors, of a line
+_MOST_LISTED = 30  # Most names in a message; of more, only similar ones and their number
+_LONGEST_LIST = 300  # characters of the names in a message
+_ALIKE = 0.6  # least likeness of a suggested name; difflib's default
+_CLOSE_TO_BEST = 0.1  # largest distance of other suggestions from the best
 
 
 class HelisimError(Exception):
-    """Base of every error that helisim raises on purpose.
-
-    Attributes:
-        remedy: settings that mend it, by their names in Python, with values worth a try, or a
-            command.
-    """
+    """Base of helisim's errors; `remedy` holds settings by their Python names, or a command."""
 
     def __init__(self, *arguments: object, remedy: Remedy = ()) -> None:
         super().__init__(*arguments)
@@ -51,14 +39,7 @@ class InputError(HelisimError, ValueError):
 
 
 class UnknownNameError(InputError):
-    """A name was given that does not exist.
-
-    A short list of names is part of the message; of a long one only those that are alike. Advice
-    on what else could be done ends it.
-
-    Attributes:
-        available: all names that exist.
-    """
+    """An unknown name was given; `available` are the known ones."""
 
     def __init__(
         self,
@@ -89,13 +70,29 @@ class UnknownNameError(InputError):
 
     @property
     def unlisted(self) -> tuple[str, ...]:
-        """All names that exist, where the message doesn't list them."""
+        """Known names, where the message doesn't list them."""
         long = len(self.available) > 1 and len(", ".join(self.available)) > _LONGEST_LIST
         return self.available if long or len(self.available) > _MOST_LISTED else ()
 
 
+def item_of(found: Mapping[str, Item], name: str, what: str) -> Item:
+    """Return the item of that name. Raises UnknownNameError."""
+    if name not in found:
+        raise UnknownNameError(what, name, found)
+    return found[name]
+
+
+def check_known(
+    what: str, names: Iterable[object], known: Collection[str], *, remedy: Remedy = ()
+) -> None:
+    """Raise UnknownNameError for the first of the names that isn't a known one."""
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(what, name, known, remedy=remedy)
+
+
 def similar(name: str, available: Iterable[str]) -> list[str]:
-    """Return up to three names that someone who wrote `name` may have meant, best first."""
+    """Return up to three names similar to `name`, best first."""
     wanted = name.casefold()
     likeness = {one: _likeness(wanted, one.casefold()) for one in available}
     least = max(_ALIKE, max(likeness.values(), default=0.0) - _CLOSE_TO_BEST)
@@ -104,13 +101,12 @@ def similar(name: str, available: Iterable[str]) -> list[str]:
 
 
 def _likeness(wanted: str, name: str) -> float:
-    """Return 1 for the same name, 0 for one without a letter in common."""
     part_of = 0.9 if len(wanted) > 3 and wanted in name else 0.0
     return max(part_of, SequenceMatcher(None, wanted, name).ratio())
 
 
 class RecordError(HelisimError):
-    """A flight record is malformed or lacks what was asked of it."""
+    """A flight record is malformed or incomplete."""
 
 
 class StorageError(HelisimError):
@@ -118,18 +114,9 @@ class StorageError(HelisimError):
 
 
 class LogError(InputError, RecordError, StorageError):
-    """Logs can't be used. All that is wrong with them is said at once, a line each.
-
-    It is an error of input, of a record and of a file, since a log's faults are of all three
-    kinds.
-
-    Attributes:
-        findings: what is wrong, each a `LogFinding` with the option that mends it, if one does.
-        unlisted: names that exist where one that does not was given, if too many for a message.
-    """
+    """Logs can't be used; `findings` are their faults."""
 
     findings: tuple[Any, ...] = ()
-    unlisted: tuple[str, ...] = ()
 
 
 class ModelError(HelisimError):
@@ -145,23 +132,17 @@ class TrimError(HelisimError):
 
 
 class DivergedError(HelisimError):
-    """A simulated flight left the validity of the model.
-
-    Attributes:
-        record: the flight as far as it went, marked as ended; None if it has none.
-        last_second: what truly happened before the end, at the simulation's rate, or None.
-    """
+    """A simulated flight left the validity of the model; `record` is the flight so far, or None."""
 
     record: Any = None
-    last_second: Any = None
 
 
 class AutopilotError(HelisimError):
-    """An outside autopilot refused what was asked of it, or ended."""
+    """An external autopilot refused a request, or ended."""
 
 
 class IdentificationError(HelisimError):
-    """The data do not support the identification that was asked for."""
+    """The data do not support the identification."""
 
 
 class DisplayError(HelisimError):
@@ -169,4 +150,4 @@ class DisplayError(HelisimError):
 
 
 class WorkerError(HelisimError):
-    """The workers of a campaign are lost, out of reach, or can't be used."""
+    """A campaign's workers are lost, unreachable, or unusable."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag, expm
 
 from helisim.base.errors import InputError
-from helisim.base.settings import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Limits, Value, convert
 
 if TYPE_CHECKING:
     import control
@@ -19,18 +19,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]
 
-_ROUNDING = 1e-9
-"""s: delays so close to a whole number of periods are one, and periods so alike are the same."""
-_GONE = 1e-4
-"""Size of a pole in the z-plane: 9 time constants a tick, or what rounding makes of a delay line,
-which is no motion of the system."""
+_ROUNDING = 1e-9  # s: tolerance of delays as whole periods, and of equal periods
+_GONE = 1e-4  # size of a pole in the z-plane that counts as a delay's
 
 
 class Linear(Protocol):
-    """Anything linear with named signals that is known by its frequency response.
-
-    One that is also known at ticks has a `LinearSystem` as `sampled`.
-    """
+    """A linear system with named signals and a frequency response; `sampled` if known at ticks."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -49,23 +43,10 @@ class Linear(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearSystem(Value):
-    """A linear system: x' or x+ = A x + B u, y = C x + D u. Read-only.
+    """A linear system: x' or x+ = A x + B u, y = C x + D u; read-only. Raises InputError.
 
-    Attributes:
-        a: (n_state, n_state).
-        b: (n_state, n_in).
-        c: (n_out, n_state).
-        d: (n_out, n_in).
-        period: s, between its ticks; None of a continuous system.
-        inputs: names of the inputs.
-        outputs: names of the outputs.
-        states: names of the states; x[0], x[1], ... if none are given.
-        delays: by how much inputs act late, s, by name; 0 where none is given. Not in the matrices.
-        output_delays: by how much outputs are late, s, by name, likewise.
-        name: for people.
-
-    Raises:
-        InputError: shapes and names don't fit each other.
+    `period`, s, is None if continuous; states default to x[0], x[1], ... `delays` and
+    `output_delays`, s by name of input and output, are not in the matrices.
     """
 
     a: Array
@@ -109,15 +90,14 @@ class LinearSystem(Value):
     def from_control(cls, system: "control.StateSpace") -> "LinearSystem":
         """Return python-control's StateSpace as a linear system."""
         a, b, c, d = (np.asarray(getattr(system, name)) for name in "ABCD")
-        names = (
-            tuple(one) for one in (system.input_labels, system.output_labels, system.state_labels)
-        )
-        inputs, outputs, states = names
-        return LinearSystem(a, b, c, d, float(system.dt or 0.0) or None, inputs, outputs, states)
+        inputs, outputs = tuple(system.input_labels), tuple(system.output_labels)
+        period = float(system.dt or 0.0) or None
+        return LinearSystem(a, b, c, d, period, inputs, outputs, tuple(system.state_labels))
 
-    def to_control(self) -> "control.StateSpace":
-        """Return it as python-control's StateSpace, without its delays."""
-        from control import StateSpace  # which brings pyplot: slow to import
+    @cached_property
+    def system(self) -> "control.StateSpace":
+        """Python-control's StateSpace, without delays."""
+        from control import StateSpace  # slow to import: it brings pyplot
 
         return StateSpace(
             self.a,
@@ -132,39 +112,33 @@ class LinearSystem(Value):
             **({"name": self.name} if self.name else {}),
         )
 
-    @cached_property
-    def system(self) -> "control.StateSpace":
-        """It as python-control's StateSpace, without its delays."""
-        return self.to_control()
-
     @property
     def sampled(self) -> "LinearSystem":
-        """Itself, where it is sampled. Raises InputError of a continuous system."""
+        """Itself. Raises InputError if continuous."""
         if self.period is None:
             raise InputError("a continuous system isn't known at ticks: see `discretise`")
         return self
 
+    @property
+    def lags(self) -> Array:
+        """Delay of each response, its output's plus its input's, (n_out, n_in) s."""
+        late = _in_order(self.output_delays, self.outputs)
+        return late[:, None] + _in_order(self.delays, self.inputs)
+
     @cached_property
     def poles(self) -> Response:
-        """The poles in the s-plane, (n_pole,) rad/s, the slowest first, those of delays left out.
-
-        A delay's are those that are over within a tick, of a sampled system.
-        """
+        """Poles in the s-plane, (n_pole,) rad/s, slowest first, without those of delays."""
         found = np.linalg.eigvals(self.a).astype(np.complex128)
         if self.period is not None:
             found = np.log(found[np.abs(found) > _GONE]) / self.period
         return np.asarray(found[np.argsort(np.abs(found))], dtype=np.complex128)
 
     def response(self, omega: ArrayLike) -> Response:
-        """Return the frequency response, delays included, (n_out, n_in, n_freq).
+        """Return the response, (n_out, n_in, n_freq), delays included, at (n_freq,) rad/s or one.
 
-        Args:
-            omega: rad/s, (n_freq,).
-
-        Raises:
-            InputError: one of them is a pole.
+        Raises InputError at a pole.
         """
-        omega = np.asarray(omega, dtype=np.float64)
+        omega = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         point = 1j * omega if self.period is None else np.exp(1j * omega * self.period)
         try:
             states = np.linalg.solve(
@@ -175,18 +149,18 @@ class LinearSystem(Value):
                 f"a pole lies among {omega.min():g} to {omega.max():g} rad/s"
             ) from None
         found = np.moveaxis(np.asarray(self.c @ states + self.d, dtype=np.complex128), 0, -1)
-        if self.delays:
-            late = _in_order(self.delays, self.inputs)
-            found = found * np.exp(-1j * late[None, :, None] * omega)
-        if self.output_delays:
-            late = _in_order(self.output_delays, self.outputs)
-            found = found * np.exp(-1j * late[:, None, None] * omega)
+        for late in (
+            _in_order(self.delays, self.inputs)[None, :, None],
+            _in_order(self.output_delays, self.outputs)[:, None, None],
+        ):
+            if np.any(late):
+                found = found * np.exp(-1j * late * omega)
         return found
 
     def select(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
     ) -> Self:
-        """Return it with some of its inputs and outputs only, in the order given."""
+        """Return it with the given inputs and outputs only, in that order."""
         inputs, outputs = inputs or self.inputs, outputs or self.outputs
         columns = [self.inputs.index(name) for name in inputs]
         rows = [self.outputs.index(name) for name in outputs]
@@ -200,23 +174,17 @@ class LinearSystem(Value):
         )
 
     def reordered(self, states: Sequence[str]) -> Self:
-        """Return it with its states in another order, by their names."""
+        """Return it with its states in another order."""
         order = [self.states.index(name) for name in states]
         a, b, c = self.a[np.ix_(order, order)], self.b[order], self.c[:, order]
         return replace(self, a=a, b=b, c=c, states=tuple(states))
 
     def residualised(self, keep: Sequence[str], *, without: Sequence[str] = ()) -> Self:
-        """Return it with fewer states: the others are where they settle.
+        """Return it with the states `keep` only, the others at their steady values.
 
-        With x' = A11 x + A12 z + B1 u and 0 = A21 x + A22 z + B2 u it has A11 - A12 inv(A22) A21
-        and B1 - A12 inv(A22) B2, and the whole system's response at rest.
-
-        Args:
-            keep: names of the states that stay, in the order wanted.
-            without: names of states that stay at their values instead of settling.
-
-        Raises:
-            InputError: it is sampled, has no such state, or the others don't settle.
+        x' = (A11 - A12 inv(A22) A21) x + (B1 - A12 inv(A22) B2) u; `without` states are held
+        constant. Raises InputError for sampled systems, unknown states, or if the others don't
+        settle.
         """
         missing = [name for name in keep if name not in self.states]
         if missing or self.period is not None:
@@ -244,19 +212,11 @@ class LinearSystem(Value):
         )
 
     def feedback(self, law: "LinearSystem", cut: str | None = None) -> "LinearSystem":
-        """Return the loop that this plant and a law close by their signals' names.
+        """Return the loop of this plant and a law at the same ticks; feedback is positive.
 
-        Positive feedback, as laws are written. States are the plant's, then the law's; inputs what
-        the law sees and the plant doesn't say, with their delays, and the cut command; outputs the
-        plant's, then the law's. Cut at a command, the loop's L is minus that command over itself.
-
-        Args:
-            law: from some of the outputs, and more, to some of the inputs, at the same ticks.
-            cut: command at which the loop is cut: what the law says there moves nothing, and
-                something else goes to the plant instead.
-
-        Raises:
-            InputError: the ticks differ, or what both do at once makes a loop without a solution.
+        Signals are connected by name. States and outputs are the plant's, then the law's; inputs
+        are the law's others and the `cut` command, where the loop is open: L is minus that output
+        over that input. Raises InputError.
         """
         if abs((self.period or 0.0) - (law.period or 0.0)) > _ROUNDING:
             raise InputError(
@@ -298,11 +258,7 @@ class LinearSystem(Value):
         )
 
     def simulate(self, inputs: ArrayLike) -> Array:
-        """Return the outputs, (n_tick, n_out), of a sampled system that starts at rest.
-
-        Args:
-            inputs: (n_tick, n_in).
-        """
+        """Return a sampled system's outputs (n_tick, n_out) from rest for inputs (n_tick, n_in)."""
         state, inputs = np.zeros(len(self.a)), np.asarray(inputs, dtype=np.float64)
         found = np.empty((len(inputs), len(self.outputs)))
         for k, now in enumerate(inputs):
@@ -311,51 +267,40 @@ class LinearSystem(Value):
         return found
 
     def with_delays_as_states(self) -> "LinearSystem":
-        """Return a sampled system with its inputs' delays in lines of old samples.
-
-        Between two samples a line gives what lies straight between them.
-        """
+        """Return a sampled system with input delays as states, linear between samples."""
         system, period = replace(self, delays={}), self.sampled.period or 0.0
-        for name, late in self.delays.items():
-            ticks = late / period
-            whole = math.floor(ticks + _ROUNDING)
-            part = max(ticks - whole, 0.0)
+        for name, late in zip(self.inputs, _in_order(self.delays, self.inputs).tolist()):
+            whole = math.floor(late / period + _ROUNDING)
+            part = max(late / period - whole, 0.0)
             count = whole + (part > _ROUNDING)
-            if not count:
-                continue
-            column, n = self.inputs.index(name), len(system.a)
             weight = np.zeros(count + 1)  # of the sample now, and of those before
-            weight[whole] = 1.0 - part
-            weight[whole + 1 :] = part
-            a, b, d = block_diag(system.a, np.eye(count, k=-1)), system.b.copy(), system.d.copy()
-            a[:n, n:] = np.outer(b[:, column], weight[1:])
-            c = np.hstack([system.c, np.outer(d[:, column], weight[1:])])
-            b, d[:, column] = (
-                np.vstack([b, np.zeros((count, b.shape[1]))]),
-                weight[0] * d[:, column],
+            weight[[whole, count]] = 1.0 - part, part if count > whole else 1.0
+            pick = np.eye(len(system.inputs))[system.inputs.index(name)]
+            kept = np.diag(1.0 + (weight[0] - 1.0) * pick)
+            old = np.outer(pick, weight[1:])
+            system = replace(
+                system,
+                a=np.block(
+                    [
+                        [system.a, system.b @ old],
+                        [np.zeros((count, len(system.a))), np.eye(count, k=-1)],
+                    ]
+                ),
+                b=np.vstack([system.b @ kept, np.outer(np.eye(count, 1), pick)]),
+                c=np.hstack([system.c, system.d @ old]),
+                d=system.d @ kept,
+                states=(*system.states, *(f"{name}_{k + 1}_ago" for k in range(count))),
             )
-            b[:n, column] *= weight[0]
-            b[n, column] = 1.0
-            d[:, column] *= weight[0]
-            line = (f"{name}_{k + 1}_ago" for k in range(count))
-            system = replace(system, a=a, b=b, c=c, d=d, states=(*system.states, *line))
         return system
 
     def discretise(self, period: float) -> "LinearSystem":
-        """Return a continuous system behind held inputs at ticks, delays of any length exact.
+        """Return a continuous system with inputs held over `period`, s, delays exact.
 
-        Over a period every input has two values: the older one up to the remainder of its delay,
-        then the next (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3).
-        States are its own, then what each input was at the ticks before, the last one first, then
-        what each late output is going to be, the next first. A system may lead by up to a period,
-        as one does whose delay was identified a little too short: it is read that much later.
-
-        Args:
-            period: s, between ticks.
-
-        Raises:
-            InputError: an output leads an input by more than a period.
+        Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3. States are
+        its own, inputs at earlier ticks, then future late outputs. A system may lead by up to a
+        period, and is read that much later. Raises InputError if an output leads an input by more.
         """
+        convert(float, period, "period", Limits(unit="s", above=0.0))
         late = _in_order(self.output_delays, self.outputs)
         waits = _in_order(self.delays, self.inputs) + min(late, default=0.0)
         lead = max(0.0, -float(np.min(waits, initial=0.0)))
@@ -432,12 +377,7 @@ class LinearSystem(Value):
 
 
 def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem:
-    """Return systems side by side as one, their outputs one after the other.
-
-    Args:
-        parts: systems, sampled alike.
-        inputs: of the whole, those of the parts among them.
-    """
+    """Return systems, sampled alike, side by side with the given inputs."""
     a, c = (block_diag(*(getattr(one, name) for one in parts)) for name in "ac")
     b, d = (
         np.vstack([_columns(getattr(one, name), one.inputs, inputs) for one in parts])
@@ -451,20 +391,12 @@ def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem
 
 
 def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
-    """Return exp(A t) and its integral times B: A and B of held inputs over a period. Read-only."""
+    """Return exp(A t) and its integral times B: A and B of held inputs over a period."""
     n, m = b.shape
     both = np.zeros((n + m, n + m))
     both[:n] = np.hstack([a, b])
-    whole = np.frombuffer(_exponential((both * period).tobytes())).reshape(n + m, n + m)
+    whole = np.asarray(expm(both * period), dtype=np.float64)
     return whole[:n, :n], whole[:n, n:]
-
-
-@lru_cache(maxsize=32)
-def _exponential(matrix: bytes) -> bytes:
-    """Return the exponential of a square matrix; tuning asks for one again and again."""
-    numbers = np.frombuffer(matrix)
-    size = math.isqrt(numbers.size)
-    return np.asarray(expm(numbers.reshape(size, size)), dtype=np.float64).tobytes()
 
 
 def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Array:
@@ -472,9 +404,7 @@ def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Array:
 
 
 def _columns(matrix: Array, has: Sequence[str], wanted: Sequence[str]) -> Array:
-    """Return the columns of named inputs, zero for those that it doesn't have."""
     found = np.zeros((len(matrix), len(wanted)))
-    there = [(k, has.index(name)) for k, name in enumerate(wanted) if name in has]
-    for to, by in there:
+    for to, by in ((k, has.index(name)) for k, name in enumerate(wanted) if name in has):
         found[:, to] = matrix[:, by]
     return found

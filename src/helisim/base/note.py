@@ -1,4 +1,4 @@
-"""A message about data as a value; what mends it is data too, which only the command line words."""
+"""Messages about data, with remedies as data."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,12 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Option:
-    """A setting of a function, and of the command beside it, that mends something.
-
-    Attributes:
-        name: as Python has it, such as "max_gap", which the command line words as an option.
-        value: to try, such as "0.5"; "" where it is left to the reader.
-    """
+    """A setting by its Python name, with a value to try or "", that helps."""
 
     name: str
     value: str = ""
@@ -19,25 +14,19 @@ class Option:
 
 @dataclass(frozen=True)
 class Command:
-    """A command that mends something.
-
-    Attributes:
-        name: such as "calibrate".
-        arguments: behind it, such as a vehicle's folder.
-        options: behind those.
-    """
+    """A command that helps, with arguments and options."""
 
     name: str
     arguments: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
 
 
+# Remedies: "windows", Option("repair", "gaps"), or several.
 Remedy = str | Option | Command | Iterable[str | Option | Command]
-"""What a remedy is given as: "windows", Option("repair", "gaps"), or several."""
 
 
 def options(remedy: Remedy) -> tuple[Option | Command, ...]:
-    """Return a remedy as options: a bare text "a,b" names two, "a=1" one with its value."""
+    """Return a remedy as options: "a,b" is two, "a=1" has a value."""
     if isinstance(remedy, Option | Command):
         return (remedy,)
     if isinstance(remedy, str):
@@ -48,13 +37,7 @@ def options(remedy: Remedy) -> tuple[Option | Command, ...]:
 
 @dataclass(frozen=True)
 class Note:
-    """A message about data.
-
-    Attributes:
-        kind: of message, one word or two that a program can ask for, such as "gaps".
-        text: one sentence for people, without an option of the command line in it.
-        remedy: options that mend it or are worth a try; in the order given.
-    """
+    """A message about data: a kind such as "gaps", a sentence, and what helps."""
 
     kind: str
     text: str
@@ -67,7 +50,7 @@ class Note:
 
     @property
     def option(self) -> Option | None:
-        """The first option that mends it, None if none does."""
+        """First option of the remedy, None if there is none."""
         return next((one for one in self.remedy if isinstance(one, Option)), None)
 
     def __str__(self) -> str:

@@ -1,6 +1,6 @@
-"""Settings: value objects that are checked, and written as JSON, TOML or NAME=VALUE and read back.
+"""Settings: checked value objects that JSON, TOML and NAME=VALUE text hold.
 
-A value object is an ordinary frozen dataclass; its fields may say their units and limits:
+A value object is a frozen dataclass; its fields may say units and limits:
 
     >>> from dataclasses import dataclass
     >>> from helisim.base.settings import check, from_plain, parse_notation, setting, to_plain
@@ -9,28 +9,22 @@ A value object is an ordinary frozen dataclass; its fields may say their units a
     ...     axis: str = setting(choices=("lat", "lon"))
     ...     band: tuple[float, float] | None = None
     ...     height: float = setting(0.1, unit="m", above=0.0)
-    ...
     ...     def __post_init__(self) -> None:
     ...         check(self)
-    >>> bump = from_plain(Bump, {"axis": "lat", "height": 2}, "plan.bump")
-    >>> to_plain(bump)
+    >>> to_plain(from_plain(Bump, {"axis": "lat", "height": 2}, "plan.bump"))
     {'axis': 'lat', 'band': None, 'height': 2}
     >>> parse_notation("bump,axis=lon,band=3:42", {"Bump": Bump})
     Bump(axis='lon', band=(3.0, 42.0), height=0.1)
-    >>> from_plain(Bump, {"axis": "lat", "height": -1}, "plan.parts[0]")
-    Traceback (most recent call last):
-        ...
-    helisim.base.errors.InputError: plan.parts[0].height must be a number above 0 m, got -1
 
-A field that may hold one of several classes is a union of them, or their base with `kinds`, a
-mapping of names to classes: a table of it has the key "kind".
+A field of several classes is a union of them, or their base with `kinds`, a mapping of names to
+classes; its table has the key "kind".
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
@@ -38,7 +32,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError, check_known
 from helisim.base.files import toml_key, toml_value
 from helisim.base.text import shown
 
@@ -47,7 +41,7 @@ Item = TypeVar("Item")
 
 
 class FrozenMap(Mapping[Key, Item]):
-    """A mapping that can't be changed; it has a hash, and copies and pickles as what it is."""
+    """An immutable, hashable mapping."""
 
     __slots__ = ("_items",)
 
@@ -63,9 +57,6 @@ class FrozenMap(Mapping[Key, Item]):
     def __len__(self) -> int:
         return len(self._items)
 
-    def __contains__(self, key: object) -> bool:
-        return key in self._items
-
     def __repr__(self) -> str:
         return repr(self._items)
 
@@ -73,112 +64,80 @@ class FrozenMap(Mapping[Key, Item]):
         return isinstance(other, Mapping) and same(self, other)
 
     def __hash__(self) -> int:
-        return stable_hash(self._items)
+        return hash(_hashable(self._items))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self._items,)
 
 
 class Value:
-    """Base of dataclasses that hold arrays: compared, hashed, copied and pickled by their fields.
-
-    A copy is made by the class itself, so that its arrays are read-only too. Fields with
-    `compare=False` take no part in comparisons.
-    """
+    """Base of dataclasses with arrays: compared, hashed, copied, pickled by fields of `compare`."""
 
     def __eq__(self, other: object) -> bool:
-        if self is other:
-            return True
         if type(self) is not type(other) or not isinstance(other, Value):
             return NotImplemented
         return same(self._compared(), other._compared())
 
     def __hash__(self) -> int:
-        return hash((type(self).__qualname__, stable_hash(self._compared())))
+        return hash((type(self).__qualname__, _hashable(self._compared())))
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = {one.name: getattr(self, one.name) for one in _fields(self) if one.init}
-        return _made, (type(self), given)
+        return partial(type(self), **given), ()
 
     def __repr__(self) -> str:
-        shown = [one.name for one in _fields(self) if one.repr]
-        parts = [f"{name}={_brief(getattr(self, name))}" for name in shown]
-        return f"{type(self).__name__}({', '.join(parts)})"
+        parts = ((one.name, getattr(self, one.name)) for one in _fields(self) if one.repr)
+        said = (
+            f"{name}=<array {item.shape}>" if isinstance(item, np.ndarray) else f"{name}={item!r}"
+            for name, item in parts
+        )
+        return f"{type(self).__name__}({', '.join(said)})"
 
     def _compared(self) -> tuple[Any, ...]:
-        """Return what decides whether two are equal."""
         return tuple(getattr(self, one.name) for one in _fields(self) if one.compare)
 
 
 def same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal, arrays of any shape in them element by element.
-
-    A number that isn't one equals itself, as in the same place of two copies.
-    """
-    if one is other:
-        return True
+    """Return whether two values are equal, arrays of any shape by element; nan equals nan."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)):
             return False
         number = one.dtype.kind in "fc" and other.dtype.kind in "fc"
-        return np.array_equal(one, other, equal_nan=number)
+        return one is other or np.array_equal(one, other, equal_nan=number)
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return len(one) == len(other) and all(
-            key in other and same(item, other[key]) for key, item in one.items()
-        )
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
     if isinstance(one, tuple | list) and isinstance(other, tuple | list):
         alike = isinstance(one, tuple) == isinstance(other, tuple)
         return alike and len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, float) and isinstance(other, float) and one != one and other != other:
-        return True
-    return bool(one == other)
+    return one is other or bool(one == other) or (is_number(one) and one != one and other != other)
 
 
-def stable_hash(item: Any) -> int:
-    """Return a hash that is one for equal items, arrays, mappings and lists among them.
-
-    An array, of any shape, counts by its shape and a few of its numbers: enough to tell records
-    apart, at a cost that doesn't grow with them.
-    """
+def _hashable(item: Any) -> Any:
     if isinstance(item, np.ndarray):
-        some = {0, item.size // 3, item.size // 2, item.size - 1} if item.size else set()
-        return hash((item.shape, *(stable_hash(item.flat[k].item()) for k in sorted(some))))
+        return item.shape
     if isinstance(item, Mapping):
-        return hash(frozenset((key, stable_hash(one)) for key, one in item.items()))
+        return frozenset((key, _hashable(one)) for key, one in item.items())
     if isinstance(item, tuple | list):
-        return hash((isinstance(item, tuple), *map(stable_hash, item)))
-    return 0 if item != item else hash(item)  # a NaN hashes by its place in memory
+        return tuple(map(_hashable, item))
+    return None if item != item else item  # a NaN hashes by its place in memory
 
 
-def _brief(item: Any) -> str:
-    """Return a field for `repr`: of an array only its shape."""
-    return f"<array {item.shape}>" if isinstance(item, np.ndarray) else repr(item)
-
-
-def _fields(value: Any) -> tuple[Any, ...]:
+def _fields(value: Any) -> tuple[Field[Any], ...]:
     return fields(value)
-
-
-def _made(kind: type, given: dict[str, Any]) -> Any:
-    return kind(**given)
 
 
 T = TypeVar("T")
 
-OFF = "off"
-"""In TOML and text, which know no null: a setting that is None though its default is not."""
-INFINITE = "inf"
-"""In JSON, which knows no infinity; "-inf" for the other one."""
-_WHOLE = 2**53
-"""Integers up to it are floats without loss; a larger one in place of a float becomes one."""
-_LARGEST = 2**63 - 1
-"""Of integers, as NumPy and Parquet hold them."""
+OFF = "off"  # None in TOML and text, where the default isn't None
+INFINITE = "inf"  # infinity in JSON; "-inf" for the other one
+_WHOLE = 2**53  # integers up to it are floats without loss
+_LARGEST = 2**63 - 1  # integers as NumPy and Parquet hold them
 _TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a setting says of its values: of a list or table, of each number or text in it."""
+    """Limits of a setting's values: of each number or text in a list or table."""
 
     unit: str = ""
     low: float | None = None
@@ -191,7 +150,7 @@ class Limits:
 
     @property
     def known(self) -> tuple[Any, ...]:
-        """The choices, computed now where they are a function; empty if there are none."""
+        """Choices, computed where they are a function; empty if there are none."""
         found = self.choices() if callable(self.choices) else self.choices
         return () if found is None else tuple(found)
 
@@ -231,21 +190,10 @@ def setting(
     unsaid: bool = False,
     **more: Any,
 ) -> Any:
-    """Return a field of a dataclass that says what its values may be.
+    """Return a field of a dataclass with limits of its values; `unit` is SI.
 
-    Args:
-        default: of the field; it must be given where neither this nor `factory` is.
-        factory: makes the default, such as a class.
-        unit: SI.
-        low: the least value.
-        above: every value is above it.
-        high: the greatest value.
-        below: every value is below it.
-        choices: all values that there are, or a function that returns them.
-        finite: False lets a number be infinite, never NaN.
-        unsaid: plain data leave the setting out where it has its default, as did data that were
-            written before there was such a setting.
-        more: for `dataclasses.field`, such as `compare=False`.
+    `choices` are all values, or a function of them; `finite=False` permits infinity; `unsaid` omits
+    the default from plain data; `more` is for `dataclasses.field`.
     """
     limits = Limits(unit, low, above, high, below, choices, finite, unsaid)
     made = {"default": default} if factory is MISSING else {"default_factory": factory}
@@ -253,7 +201,7 @@ def setting(
 
 
 def limits_of(one: Field[Any]) -> Limits:
-    """Return what a field of a dataclass says of its values."""
+    """Return the limits of a dataclass's field."""
     return one.metadata.get("limits", FREE)
 
 
@@ -264,7 +212,6 @@ def default_of(one: Field[Any]) -> Any:
 
 @lru_cache(maxsize=1024)
 def _settings(kind: Any) -> dict[str, tuple[Field[Any], Any]]:
-    """Return each field that a class is made with, and its type."""
     try:
         hints = get_type_hints(kind)
     except NameError:  # a type that only a type checker imports
@@ -273,7 +220,7 @@ def _settings(kind: Any) -> dict[str, tuple[Field[Any], Any]]:
 
 
 def setting_names(value: Any) -> tuple[str, ...]:
-    """Return the names of a dataclass's settings, in their order."""
+    """Return the names of a dataclass's settings, in order."""
     return tuple(_settings(value if isinstance(value, type) else type(value)))
 
 
@@ -295,18 +242,15 @@ def _own(kind: Any) -> dict[str, Any]:
 
 
 def value_object(hint: Any) -> Any:
-    """Return the dataclass of a field that may hold one, None if it can't."""
+    """Return the dataclass of a field that may hold one, else None."""
     return next((one for one in _alternatives(hint) if is_dataclass(one)), None)
 
 
 def check(value: Any, place: str = "") -> None:
-    """Check a frozen dataclass's fields in its `__post_init__`, and make them plain.
+    """Check a frozen dataclass's fields in its `__post_init__`. Raises InputError.
 
-    Numbers and arrays of NumPy become Python's where the field isn't an array, lists become
-    tuples, and mappings `FrozenMap`.
-
-    Raises:
-        InputError: a field is of another type or out of its limits.
+    NumPy's numbers, and arrays in other fields, become Python's, lists tuples, mappings
+    `FrozenMap`.
     """
     where = place or type(value).__name__
     for name, (one, hint) in _settings(type(value)).items():
@@ -319,18 +263,9 @@ def check(value: Any, place: str = "") -> None:
 def convert(
     hint: Any, value: Any, place: str, limits: Limits = FREE, *, lenient: bool = False
 ) -> Any:
-    """Return a value as a type hint has it, made of Python's own or of plain data.
+    """Return a value, of Python or plain data, as a type hint's. Raises InputError.
 
-    Args:
-        hint: such as `float | None`, `tuple[str, ...]`, a dataclass, or a union of them.
-        value: what is given, in Python or read from JSON or TOML.
-        place: where it stands, for messages, such as "plan.weather.wind".
-        limits: of its numbers or texts.
-        lenient: True passes over names that a dataclass doesn't have, as another version may
-            have written them, and takes infinite numbers.
-
-    Raises:
-        InputError: it is of another type, not finite, or out of its limits.
+    `place` begins messages; `lenient` ignores unknown names of a dataclass.
     """
     if hint is Any or hint is object:
         return value
@@ -355,12 +290,13 @@ def convert(
         return None
     if faults:
         raise faults[0]
-    raise InputError(f"{place} must be {_words(hint, limits)}, got {shown(value_words(value))}")
+    raise InputError(f"{place} must be {_words(hint, limits)}, got {value_words(value)}")
 
 
 def value_words(value: Any) -> str:
-    """Return a value as a message quotes it; text in quotes."""
-    return f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
+    """Return a value as a message quotes it; of an array its shape."""
+    array = isinstance(value, np.ndarray)
+    return shown(f"an array of shape {value.shape}" if array else repr(value))
 
 
 class _NoneSuch(Exception):
@@ -368,29 +304,30 @@ class _NoneSuch(Exception):
 
 
 def _converted(hint: Any, value: Any, place: str, limits: Limits, lenient: bool) -> Any:
-    """Return a value as one alternative of a hint has it. Raises _NoneSuch, InputError."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is float:
-        return _number(value, place, limits, lenient)
-    if hint is int:
-        if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
-            raise _NoneSuch
-        return _within(value, place, "an integer", limits)
-    if hint is str or hint is bool:
-        if not isinstance(value, hint):
-            raise _NoneSuch
-        return _chosen(value, place, limits.known)
-    if origin is Literal:
-        if not isinstance(value, tuple(type(one) for one in parts)):
-            raise _NoneSuch
-        return _chosen(value, place, parts)
+        return _number(value, place, limits)
     if origin is np.ndarray or hint is np.ndarray:
         return _array(parts, value, place, limits)
-    if origin is tuple or _is(origin, Sequence):
-        return _sequence(origin, parts, value, place, limits, lenient)
-    if _is(origin, Mapping) or _is(hint, Mapping):
-        if not isinstance(value, Mapping):
+    if hint is Path and isinstance(value, str | PathLike):
+        return Path(value)
+    kind = list | tuple if _is_list(origin) else origin or hint
+    if origin is Literal:
+        kind = tuple(map(type, parts))
+    truth = isinstance(value, bool) and hint is int
+    if truth or (isinstance(kind, type | tuple | UnionType) and not isinstance(value, kind)):
+        raise _NoneSuch
+    if hint is int:
+        if abs(value) > _LARGEST:
             raise _NoneSuch
+        return _within(value, place, "an integer", limits)
+    if hint is str or hint is bool or origin is Literal:
+        choices = [one for one in parts or limits.known if isinstance(one, type(value))]
+        if choices and value not in choices:
+            raise UnknownNameError(place, value, map(str, choices))
+    if _is_list(origin):
+        return _sequence(origin, parts, value, place, limits, lenient)
+    if isinstance(value, Mapping) and isinstance(kind, type) and issubclass(kind, Mapping):
         inner = parts[1] if len(parts) == 2 else Any
         return FrozenMap(
             {
@@ -398,60 +335,43 @@ def _converted(hint: Any, value: Any, place: str, limits: Limits, lenient: bool)
                 for key, one in value.items()
             }
         )
-    if hint is Path and isinstance(value, str | PathLike):
-        return Path(value)
-    if origin is Callable or hint is Callable:
-        if not callable(value):
-            raise _NoneSuch
-        return value
-    kind = origin or hint
-    if isinstance(kind, type) and not isinstance(value, kind):
-        raise _NoneSuch
     return value
 
 
-def _number(value: Any, place: str, limits: Limits, lenient: bool) -> float:
-    if isinstance(value, str) and (lenient or not limits.finite):
+def _number(value: Any, place: str, limits: Limits) -> Any:
+    if isinstance(value, str) and not limits.finite:
         value = {INFINITE: math.inf, f"-{INFINITE}": -math.inf}.get(value, value)
     if not is_number(value):
         raise _NoneSuch
     if isinstance(value, int) and abs(value) > _WHOLE:
         value = float(value) if abs(value) < 1e300 else math.inf
-    number: Any = value
-    return number if lenient and value == value else _within(number, place, "a number", limits)
+    return _within(value, place, "a number", limits)
 
 
 def _within(value: Any, place: str, noun: str, limits: Limits) -> Any:
     if value != value or not limits.holds(value):
         finite = "a finite number" if not math.isfinite(value) and noun == "a number" else noun
-        raise InputError(f"{place} must be {limits.words(finite)}, got {shown(repr(value))}")
+        raise InputError(f"{place} must be {limits.words(finite)}, got {value_words(value)}")
     known = [one for one in limits.known if is_number(one)]
     if known and value not in known:
         listed = ", ".join(map(str, known))
-        raise InputError(f"{place} must be one of {listed}, got {shown(repr(value))}")
-    return value
-
-
-def _chosen(value: Any, place: str, known: Iterable[Any]) -> Any:
-    known = [one for one in known if isinstance(one, type(value))]
-    if known and value not in known:
-        raise UnknownNameError(place, value, map(str, known))
+        raise InputError(f"{place} must be one of {listed}, got {value_words(value)}")
     return value
 
 
 def _array(parts: tuple[Any, ...], value: Any, place: str, limits: Limits) -> Any:
     """Return numbers as a read-only array of the hint's type, of any shape."""
     dtype = np.dtype((get_args(parts[1]) or (np.float64,))[0]) if len(parts) == 2 else None
-    if isinstance(value, Mapping) and set(value) == {"real", "imag"}:
-        real, imag = (_array((), value[part], place, limits) for part in ("real", "imag"))
-        value = real + 1j * imag if real.shape == imag.shape else None
     try:
+        if isinstance(value, Mapping) and set(value) == {"real", "imag"}:
+            real, imag = (_array((), value[part], place, limits) for part in ("real", "imag"))
+            value = np.stack([real, imag], -1).astype(np.float64).view(np.complex128)[..., 0]
         array = np.array(value)
         if _truths(value) or array.dtype.kind not in ("b" if dtype == np.bool_ else "fiuc"):
             raise TypeError
         array = array.astype(dtype or array.dtype, casting="same_kind")
     except (TypeError, ValueError, OverflowError):
-        said = shown(value_words(value))
+        said = value_words(value)
         raise InputError(f"{place} must be an array of numbers, got {said}") from None
     if np.isnan(array).any() or not limits.holds(array):
         raise InputError(f"{place} must hold {limits.words('numbers')}, each finite")
@@ -460,17 +380,12 @@ def _array(parts: tuple[Any, ...], value: Any, place: str, limits: Limits) -> An
 
 
 def _truths(value: Any) -> bool:
-    """Return whether a list has True or False in it, which NumPy takes for 1 and 0."""
-    if isinstance(value, list | tuple):
-        return any(map(_truths, value))
-    return isinstance(value, bool)
+    return any(map(_truths, value)) if isinstance(value, list | tuple) else isinstance(value, bool)
 
 
 def _sequence(
     origin: Any, parts: tuple[Any, ...], value: Any, place: str, limits: Limits, lenient: bool
 ) -> Any:
-    if not isinstance(value, list | tuple):
-        raise _NoneSuch
     many = origin is not tuple or Ellipsis in parts
     each = parts[:1] * len(value) if many else parts
     if len(each) != len(value):
@@ -479,12 +394,12 @@ def _sequence(
         convert(part, one, f"{place}[{k}]", limits, lenient=lenient)
         for k, (part, one) in enumerate(zip(each, value))
     )
-    same = isinstance(value, tuple) and all(a is b for a, b in zip(made, value))
-    return value if same else made
+    kept = isinstance(value, tuple) and all(a is b for a, b in zip(made, value))
+    return value if kept else made
 
 
-def _is(kind: Any, base: type) -> bool:
-    return isinstance(kind, type) and issubclass(kind, base) and kind is not str
+def _is_list(origin: Any) -> bool:
+    return isinstance(origin, type) and issubclass(origin, Sequence)
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
@@ -494,30 +409,29 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
 
 
 def _words(hint: Any, limits: Limits = FREE) -> str:
-    """Return a type in the words of someone who writes a file."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        kinds = kinds_of(hint)
+        kinds = _kinds_in_words(kinds_of(hint))
         plain = [one for one in _alternatives(hint) if one is not NoneType]
-        if kinds:
-            plain = [one for one in plain if not is_dataclass(one)]
-        said = [_words(one, limits) for one in plain]
-        return " or ".join(dict.fromkeys(said + [_kinds_in_words(kinds)] * bool(kinds)))
+        said = [_words(one, limits) for one in plain if not (kinds and is_dataclass(one))]
+        return " or ".join(dict.fromkeys([*said, *filter(None, [kinds])]))
     if origin is Literal or (hint in (str, bool) and limits.known):
         return f"one of {', '.join(map(repr, parts or limits.known))}"
-    if origin is tuple or _is(origin, Sequence):
+    if _is_list(origin):
         count = "" if origin is not tuple or Ellipsis in parts else f"{len(parts)} "
         nouns = {float: limits.words("numbers"), int: limits.words("integers"), str: "names"}
-        return f"a list of {count}{nouns.get(parts[0], 'tables')}"
-    if _is(origin, Mapping) or _is(hint, Mapping):
+        return f"a list of {count}" + nouns.get(
+            parts[0], "lists" if _is_list(get_origin(parts[0])) else "tables"
+        )
+    kind = origin or hint
+    if isinstance(kind, type) and issubclass(kind, Mapping):
         return f"a table of {limits.words('numbers')}" if parts[1:] == (float,) else "a table"
+    name = getattr(kind, "__name__", kind)
     if is_dataclass(hint):
-        return _kinds_in_words(kinds_of(hint)) or f"a table ({getattr(hint, '__name__', '')})"
-    words = {bool: "true or false", str: "text", Path: "a path"}
+        return _kinds_in_words(kinds_of(hint)) or f"a table ({name})"
+    words = {bool: "true or false", str: "text", Path: "a path", np.ndarray: "an array of numbers"}
     words |= {float: limits.words("a number"), int: limits.words("an integer")}
-    if origin is np.ndarray or hint is np.ndarray:
-        return "an array of numbers"
-    return words.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"
+    return words.get(kind) or f"a {name}"
 
 
 def _kinds_in_words(kinds: Mapping[str, Any]) -> str:
@@ -531,34 +445,25 @@ def from_plain(
     *,
     lenient: bool = False,
 ) -> T:
-    """Return the value object whose fields a table holds; what it doesn't say is the default.
+    """Return the value object of a table's fields; missing ones have their default.
 
-    Args:
-        kind: a dataclass, a union of them, or their base with `kinds`, of which the table's key
-            "kind" (or the class's `kind_key`) says one.
-        table: fields by name, as `to_plain` or a TOML file gives them.
-        place: where the table stands, for messages.
-        lenient: as for `convert`.
-
-    Raises:
-        InputError: no such kind or setting, the message lists those that exist; or a setting is
-            missing, of the wrong type, or refused by the object.
+    `kind` is a dataclass, a union, or a base with `kinds`, chosen by the table's "kind" (or the
+    class's `kind_key`); `place` and `lenient` as for `convert`. Raises InputError.
     """
     if not isinstance(table, Mapping):
-        raise InputError(f"{place} must be {_words(kind)}, got {shown(value_words(table))}")
+        raise InputError(f"{place} must be {_words(kind)}, got {value_words(table)}")
     made, given = _kind_of(kind, table, place)
     known = _settings(made)
-    if not lenient:
-        for name in given:
-            if name not in known:
-                raise UnknownNameError(f"setting of {place}", name, known)
+    check_known(f"setting of {place}", () if lenient else given, known)
     missing = [
         name
         for name, (one, _) in known.items()
         if one.default is one.default_factory is MISSING and name not in given
     ]
     if missing:
-        raise InputError(f"{place} needs {' and '.join(missing)}")
+        others = ", ".join(name for name in known if name not in missing)
+        beside = f"; it may have {others}" if others else ""
+        raise InputError(f"{place} needs {' and '.join(missing)}{beside}")
     settings = {
         name: convert(
             known[name][1], value, f"{place}.{name}", limits_of(known[name][0]), lenient=lenient
@@ -581,7 +486,6 @@ def placed(place: object) -> Iterator[None]:
 
 
 def _kind_of(kind: Any, table: Mapping[str, Any], place: str) -> tuple[Any, dict[str, Any]]:
-    """Return the class that a table is of, and its settings without the kind."""
     kinds, given = kinds_of(kind), dict(table)
     only = value_object(kind)
     key = getattr(only, "kind_key", "kind")
@@ -590,7 +494,7 @@ def _kind_of(kind: Any, table: Mapping[str, Any], place: str) -> tuple[Any, dict
             del given[key]
         return only, given
     if key not in given:
-        said = shown(value_words(table))
+        said = value_words(table)
         raise InputError(f"{place} must be {_kinds_in_words(kinds)}; got {said}")
     name = given.pop(key)
     if not isinstance(name, str) or name not in kinds:
@@ -600,51 +504,36 @@ def _kind_of(kind: Any, table: Mapping[str, Any], place: str) -> tuple[Any, dict
 
 
 def to_plain(value: Any, *, kind: bool = False, toml: bool = False) -> Any:
-    """Return a value object's settings as JSON or TOML would give them back.
+    """Return a value object, or data with such in it, as JSON or TOML data.
 
-    Tuples and arrays become lists, complex arrays {"real", "imag"}, infinities "inf", and an
-    object inside has its kind where its field may hold several.
-
-    Args:
-        value: a dataclass, or plain data with such in them.
-        kind: whether the outermost has its kind too.
-        toml: True leaves out what is None, or writes it `OFF` where its default isn't None.
+    Arrays become lists, complex ones {"real", "imag"}, infinities "inf". `kind` adds the
+    outermost's kind; `toml` omits None, or writes `OFF` where the default isn't None.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        return {
-            **({getattr(value, "kind_key", "kind"): kind_name(value)} if kind else {}),
-            **dict(_said(value, toml)),
-        }
+        named = {getattr(value, "kind_key", "kind"): _kind_name(value)} if kind else {}
+        return named | dict(_said(value, toml))
     if isinstance(value, Mapping):
         return {str(key): _inside(one, Any, toml) for key, one in value.items()}
     if isinstance(value, tuple | list):
         return [_inside(one, Any, toml) for one in value]
-    return _plain_leaf(value, toml)
-
-
-def kind_name(value: Any) -> str:
-    """Return the name by which a value object's class is known among its kinds."""
-    kinds = getattr(type(value), "kinds", {})
-    return next((n for n, one in kinds.items() if one is type(value)), type(value).__name__)
-
-
-def _plain_leaf(value: Any, toml: bool) -> Any:
-    if isinstance(value, np.ndarray):
-        if np.iscomplexobj(value):
-            return {"real": value.real.tolist(), "imag": value.imag.tolist()}
+    if isinstance(value, np.ndarray) and np.iscomplexobj(value):
+        return {"real": value.real.tolist(), "imag": value.imag.tolist()}
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if isinstance(value, np.generic):
-        value = value.item()
     if isinstance(value, float) and math.isinf(value) and not toml:
         return INFINITE if value > 0.0 else f"-{INFINITE}"
     return str(value) if isinstance(value, PathLike) else value
 
 
+def _kind_name(value: Any) -> str:
+    kinds = getattr(type(value), "kinds", {})
+    return next((n for n, one in kinds.items() if one is type(value)), type(value).__name__)
+
+
 def _said(value: Any, toml: bool) -> Iterator[tuple[str, Any]]:
     for name, (one, hint) in _settings(type(value)).items():
         item, default = getattr(value, name), default_of(one)
-        unsaid = limits_of(one).unsaid or one.metadata.get("unsaid")
-        if unsaid and default is not MISSING and same(item, default):
+        if limits_of(one).unsaid and same(item, default):
             continue
         if item is not None or not toml:
             yield name, _inside(item, hint, toml)
@@ -653,20 +542,18 @@ def _said(value: Any, toml: bool) -> Iterator[tuple[str, Any]]:
 
 
 def _inside(value: Any, hint: Any, toml: bool) -> Any:
-    """Return a part of something as plain data, with its kind where there may be several."""
-    parts = get_args(hint) if hint is not Any else ()
     if isinstance(value, tuple | list):
-        inner = parts[0] if parts and get_origin(hint) is tuple else Any
+        inner = get_args(hint)[0] if get_origin(hint) is tuple else Any
         return [_inside(one, inner, toml) for one in value]
     several = hasattr(type(value), "kinds") or bool(kinds_of(hint))
     return to_plain(value, kind=several, toml=toml)
 
 
 def in_brief(value: Any) -> str:
-    """Return a value object as one would write it: only the settings that aren't its defaults."""
+    """Return a value object as text, with only the settings that aren't defaults."""
     changes = (
         f"{one.name}={_item_in_brief(getattr(value, one.name))}"
-        for one in fields(value)
+        for one in _fields(value)
         if one.repr and getattr(value, one.name) != default_of(one)
     )
     return f"{type(value).__name__}({', '.join(changes)})"
@@ -676,27 +563,20 @@ def _item_in_brief(item: Any) -> str:
     if is_dataclass(item) and not isinstance(item, type):
         return in_brief(item)
     if isinstance(item, tuple):
-        inner = ", ".join(map(_item_in_brief, item))
-        return f"({inner},)" if len(item) == 1 else f"({inner})"
-    if callable(item):
-        return str(getattr(item, "__name__", None) or type(item).__name__)  # without its address
-    return repr(item)
+        return f"({', '.join(map(_item_in_brief, item))}{',' * (len(item) == 1)})"
+    return getattr(item, "__name__", type(item).__name__) if callable(item) else repr(item)
 
 
 class Inline(dict[str, Any]):
-    """A table that TOML writes within its line, `{ a = 1 }`; a list of such one a line."""
+    """A table that TOML writes within its line, `{ a = 1 }`; a list has one a line."""
 
 
 def toml_text(tables: Mapping[str, Any], *, _path: tuple[str, ...] = ()) -> str:
-    """Return plain data as TOML: plain values first, then a section for each table in them.
-
-    Args:
-        tables: as `to_plain(value, toml=True)` gives them; what is None is left out.
-    """
+    """Return plain data as TOML, without None; tables become sections."""
     lines, sections = [], []
     for key, item in tables.items():
         path = (*_path, toml_key(key))
-        if isinstance(item, Mapping) and not isinstance(item, Inline):
+        if _is_table(item):
             sections.append((f"[{'.'.join(path)}]", path, item))
         elif isinstance(item, list | tuple) and item and all(map(_is_table, item)):
             sections += [(f"[[{'.'.join(path)}]]", path, one) for one in item]
@@ -731,15 +611,8 @@ def parse_notation(
 ) -> Any:
     """Return the value object of a text "KIND,NAME=VALUE,...", such as "sweep,axis=lat".
 
-    Args:
-        text: the kind in upper or lower case; numbers of a list are joined by a colon, "3:42",
-            names by "+"; "off" is None.
-        kinds: classes by name.
-        what: the kind is of, for messages.
-        given: settings, plain data, that the text doesn't have to say.
-
-    Raises:
-        InputError: no such kind or setting, or its value can't be.
+    Numbers of a list are joined by ":", names by "+"; "off" is None. `what` is for messages,
+    `given` are further settings as plain data. Raises InputError.
     """
     word, *items = (one.strip() for one in text.split(","))
     found = {name.casefold(): kind for name, kind in kinds.items()}.get(word.casefold())
@@ -751,11 +624,7 @@ def parse_notation(
 
 
 def read_settings(kind: Any, items: Iterable[str], place: str) -> dict[str, Any]:
-    """Return NAME=VALUE items as plain data for a dataclass's `from_plain`; dotted names nest.
-
-    Raises:
-        InputError: an item isn't NAME=VALUE, or a name is given twice or unknown.
-    """
+    """Return NAME=VALUE items, dotted ones nested, as data for `from_plain`. Raises InputError."""
     data: dict[str, Any] = {}
     for item in items:
         name, equals, text = (one.strip() for one in item.partition("="))
@@ -774,36 +643,29 @@ def read_settings(kind: Any, items: Iterable[str], place: str) -> dict[str, Any]
 
 
 def _hint_in(hint: Any, part: str, name: str, place: str) -> Any:
-    """Return the type of a part of something, by the part's name."""
     kind = value_object(hint)
     if kind is None:
-        mapping = next((o for o in _alternatives(hint) if _is(get_origin(o), Mapping)), None)
+        mapping = next((o for o in _alternatives(hint) if get_origin(o) is Mapping), None)
         if mapping is None:
             raise InputError(f"{shown(place)} has no {shown(name)}: it has no parts")
         return get_args(mapping)[1]
-    if part not in _settings(kind):
-        raise UnknownNameError(f"setting of {shown(place)}", part, _settings(kind))
+    check_known(f"setting of {shown(place)}", [part], _settings(kind))
     return _settings(kind)[part][1]
 
 
 def from_text(hint: Any, text: str) -> Any:
-    """Return the plain value that a text is for a type; the text itself where it is none."""
-    options = _alternatives(hint)
-    lists = [o for o in options if get_origin(o) is tuple or _is(get_origin(o), Sequence)]
-    single = {str, int, float}.intersection(options)
-    if text.casefold() in (OFF, "none") and NoneType in options and str not in options:
+    """Return the plain value of a text for a type; the text itself if it is none."""
+    options, word = _alternatives(hint), text.casefold()
+    if word in (OFF, "none") and NoneType in options and str not in options:
         return None
-    if bool in options and text.casefold() in _TRUTH:
-        return _TRUTH[text.casefold()]
+    if bool in options and word in _TRUTH:
+        return _TRUTH[word]
     for kind in (int, float):
-        if kind in options:
-            try:
+        with suppress(ValueError):
+            if kind in options:
                 return kind(text)
-            except ValueError:
-                continue
-    for one in lists:
-        inner = get_args(one)[0]
+    for inner in (get_args(one)[0] for one in options if _is_list(get_origin(one))):
         mark = "+" if inner is str else ":"
-        if mark in text or not single:
+        if mark in text or not {str, int, float}.intersection(options):
             return [from_text(inner, part.strip()) for part in text.split(mark)]
     return text

@@ -1,16 +1,10 @@
-"""Text from files and people, as it may stand in a message: short, without control characters."""
+"""Text from files and people for messages: short, without control characters."""
 
-SHOWN = 80
-"""Characters of a text that a message quotes, unless more are asked for."""
+SHOWN = 80  # characters of a quoted text
 
 
 def shown(item: object, limit: int = SHOWN) -> str:
-    """Return a text without control characters, its middle left out beyond `limit` characters.
-
-    Args:
-        item: a text; of anything else its `repr` is shown.
-        limit: characters, 8 or more.
-    """
+    """Return a text, or a `repr`, without control characters, at most `limit` (8 or more) long."""
     text = item if isinstance(item, str) else repr(item)
     if not text.isprintable():
         text = "".join(c if c.isprintable() else " " * c.isspace() for c in text)
@@ -21,5 +15,5 @@ def shown(item: object, limit: int = SHOWN) -> str:
 
 
 def single_line(text: str) -> str:
-    """Return a message without line breaks, such as a file's name may hold."""
+    """Return a message without line breaks."""
     return " ".join(text.splitlines())

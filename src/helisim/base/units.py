@@ -1,13 +1,6 @@
-"""Units: SI inside; those that logs are written in, and those that people read results in.
-
-A unit that results are read in is taken apart into powers of its parts, "rad/(s m)" into
-rad^1 s^-1 m^-1, and put together again with others. Frequencies stay in rad/s: they are no angular
-rates of a body.
-"""
+"""Units: SI inside, and those of logs."""
 
 import math
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,23 +12,19 @@ if TYPE_CHECKING:
 
 RAD_PER_DEG = math.pi / 180.0
 RAD_S_PER_RPM = 2.0 * math.pi / 60.0
+# m/s^2, exact, by the 3rd General Conference on Weights and Measures, 1901.
 STANDARD_GRAVITY = 9.80665
-"""m/s^2, exact, by the 3rd General Conference on Weights and Measures, 1901."""
+# Exact: nautical mile of the International Hydrographic Conference, 1929.
 METRE_S_PER_KNOT = 1852.0 / 3600.0
-"""Exact: the nautical mile of the International Hydrographic Conference of 1929, an hour."""
-METRE_PER_FOOT = 0.3048
-"""Exact, by the international yard and pound agreement of 1959."""
+METRE_PER_FOOT = 0.3048  # Exact: international yard and pound agreement, 1959
 METRE_PER_MILE = 5280.0 * METRE_PER_FOOT
-DB_PER_NEPER = 20.0 / math.log(10.0)
-"""dB per unit of natural logarithm of a magnitude ratio."""
-
-PULSE = "us"
-"""Unit of a servo or radio pulse: its trim and range must be given."""
+DB_PER_NEPER = 20.0 / math.log(10.0)  # dB per unit of a ratio's natural logarithm
+PULSE = "us"  # servo or radio pulse: its trim and range must be given
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: one of it is `factor` of the SI unit `si`."""
+    """A unit of `factor` times the SI unit `si`."""
 
     name: str
     si: str
@@ -74,13 +63,13 @@ _TABLE = (
     (PULSE, "1", math.nan, ("µs", "μs", "pwm")),
 )
 
+# Channels' units by name.
 UNITS: dict[str, Unit] = {name: Unit(name, si, factor) for name, si, factor, _ in _TABLE}
-"""Every unit of a channel by its name."""
 
 _ALIASES = {alias: name for name, _, _, aliases in _TABLE for alias in (name, *aliases)}
 
+# Units of time, in s; `iso8601` is for timestamps of Parquet files.
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-"""Every unit of a column of times, in s; `iso8601` stands for dates written out."""
 
 DATES = "iso8601"
 
@@ -93,11 +82,7 @@ def is_unit(name: str) -> bool:
 
 
 def unit(name: str) -> Unit:
-    """Return a channel's unit by a name of it, such as "deg/s" or "kts".
-
-    Raises:
-        UnknownNameError: no such unit; the message lists those that exist.
-    """
+    """Return a channel's unit by name, such as "deg/s" or "kts". Raises UnknownNameError."""
     try:
         return UNITS[_ALIASES[name.strip().lower()]]
     except KeyError:
@@ -121,124 +106,31 @@ def check_same(channel: str, expected: str, given: str, si: str) -> None:
         )
 
 
-CONTROL = "1 of range"
-"""The part of a unit that counts control: 1 is the whole range of an input that is unitised."""
-
-_CHOICES: Mapping[str, tuple[str, str, float]] = {
-    "rad": ("rad", "rad", 1.0),
-    "deg": ("rad", "deg", 1.0 / RAD_PER_DEG),
-    "m": ("m", "m", 1.0),
-    "ft": ("m", "ft", 1.0 / METRE_PER_FOOT),
-    "1": (CONTROL, "1", 1.0),
-    "percent": (CONTROL, "%", 100.0),
-}
-"""Choice -> the part that it stands for, how it is written, and how many of it are one in SI."""
-
-_PART = re.compile(r"([A-Za-z%]+)(?:\^(-?\d+))?")
-
-Powers = dict[str, int]
-"""Part of a unit -> its power; empty for a pure number."""
-
-
-@dataclass(frozen=True)
-class UserUnits:
-    """Which units to show results in; see `UserUnits.of`.
-
-    Attributes:
-        chosen: part in SI -> how it is written, and how many of it are one in SI.
-    """
-
-    chosen: tuple[tuple[str, str, float], ...]
-
-    @classmethod
-    def of(cls, text: str) -> "UserUnits":
-        """Return the units that a list such as "deg,ft,percent" chooses; the others stay SI.
-
-        Raises:
-            InputError: an unknown unit, or two for the same.
-        """
-        chosen = {}
-        for name in filter(None, (one.strip() for one in text.split(","))):
-            if name not in _CHOICES:
-                raise InputError(f"results can't be in {name!r}; available: {', '.join(_CHOICES)}")
-            part, *rest = _CHOICES[name]
-            if part in chosen:
-                raise InputError(f"{name!r} is a second unit of the same as {chosen[part][0]!r}")
-            chosen[part] = rest
-        return cls(tuple((part, label, factor) for part, (label, factor) in chosen.items()))
-
-    def shown(self, powers: Powers) -> tuple[str, float]:
-        """Return how a unit is written, and how many of it are one in SI."""
-        labels = {part: (label, factor) for part, label, factor in self.chosen}
-        factor, written = 1.0, {}
-        for part, power in powers.items():
-            label, many = labels.get(part, ("" if part == CONTROL else part, 1.0))
-            factor *= many**power
-            if label not in ("", "1"):
-                written[label] = power
-        return unit_text(written), factor
-
-    def of_signal(self, unit: str, *, control: bool) -> tuple[str, float]:
-        """Return how a channel's unit is written, and how many of it are one in SI.
-
-        Args:
-            unit: SI, such as "rad/s"; one that can't be taken apart stays as it is.
-            control: a unit of "1" counts a control's range.
-        """
-        powers = parts(unit)
-        if powers is None or (not powers and not control):
-            return unit, 1.0
-        label, factor = self.shown(powers or {CONTROL: 1})
-        return label or unit, factor
-
-
-def parts(unit: str) -> Powers | None:
-    """Return the powers of a unit's parts, such as {"rad": 1, "s": -1}; None if it has none."""
-    above, _, below = unit.strip().partition("/")
-    powers: Powers = {}
-    for text, sign in ((above, 1), (below.strip("()"), -1)):
-        for word in text.split():
-            match = _PART.fullmatch(word)
-            if word == "SI" or (match is None and not (word == "1" and sign == 1)):
-                return None
-            if match is not None:
-                power = powers.get(match[1], 0) + sign * int(match[2] or 1)
-                powers[match[1]] = power
-    return {part: power for part, power in powers.items() if power} if unit.strip() else None
-
-
-def unit_text(powers: Powers) -> str:
-    """Return a unit of such powers as it is written: "deg/(s^2 %)", and "1" for none."""
-
-    def words(sign: int) -> list[str]:
-        return [
-            part if abs(power) == 1 else f"{part}^{abs(power)}"
-            for part, power in powers.items()
-            if power * sign > 0
-        ]
-
-    above, below = words(1), words(-1)
-    if not below:
-        return " ".join(above) or "1"
-    under = below[0] if len(below) == 1 else f"({' '.join(below)})"
-    return f"{' '.join(above) or '1'}/{under}"
-
-
 def decibel(magnitude: "ArrayLike") -> "NDArray[np.float64]":
     """Return magnitude ratios in dB, in the same shape each; -inf of zero."""
-    import numpy as np  # not above: the command line knows units, and needs no arrays
+    import numpy as np  # the command line imports this without NumPy
 
     with np.errstate(divide="ignore"):
         return np.asarray(20.0 * np.log10(magnitude), dtype=np.float64)
 
 
 def without_trend(columns: "NDArray[np.float64]") -> "NDArray[np.float64]":
-    """Return columns, (n_time, n_column), less the straight line that fits each best.
-
-    scipy.signal has it, and takes half a second to import.
-    """
+    """Return columns, (n_time, n_column), less the straight line that fits each best."""
     import numpy as np
 
     time = np.linspace(-1.0, 1.0, columns.shape[0])
     level = columns - np.mean(columns, axis=0)
     return level - np.outer(time, (time @ level) / (time @ time))
+
+
+def window_transforms(columns: "NDArray[np.float64]", length: int) -> "NDArray[np.complex128]":
+    """Return transforms of Hann windows that overlap by half, (n_window, n_freq, n_column).
+
+    `columns` are (n_time, n_column); each window, of an even `length`, is less its trend.
+    """
+    import numpy as np
+
+    hann = np.hanning(length + 1)[:-1, None]
+    starts = range(0, columns.shape[0] - length + 1, length // 2)
+    windows = [without_trend(columns[start : start + length]) * hann for start in starts]
+    return np.fft.rfft(windows, axis=1)

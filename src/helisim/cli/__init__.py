@@ -1,10 +1,7 @@
-"""The command line: each command parses, calls the library once, prints, and exits.
-
-A command is a function whose docstring is its page, see `helisim.cli.options`. Only the module of
-the one that was asked for is imported.
+"""The command line: a command parses, calls the library once, prints, and exits.
 
 Exit status: 0 all is well, 1 the result misses a tolerance or a guideline, 2 the input is at
-fault, 3 a flight was terminated early, 130 interrupted, 141 whoever read the output has gone.
+fault, 3 a flight was terminated early, 130 interrupted, 141 a broken pipe.
 """
 
 import logging
@@ -15,13 +12,11 @@ from contextlib import contextmanager
 from importlib import import_module
 
 from helisim import __version__
-from helisim.base.errors import DivergedError, HelisimError, LogError, UnknownNameError
+from helisim.base.errors import DivergedError, HelisimError, LogError
 from helisim.base.text import single_line
 from helisim.cli.options import (
-    Options,
     Parser,
     add_command,
-    joined_band,
     worded,
     worded_note,
 )
@@ -37,51 +32,48 @@ examples:
 """
 _MODULES = {
     "autopilot": "ardupilot parm sitl",
-    "design": "design law law_show law_lqg margins",
+    "design": "design margins",
     "fitting": "identify structures verify",
     "flying": "fly view",
     "logs": "examples frf look record",
     "study": "campaign errata recover report reproduce",
     "vehicle": "bench calibrate linearize trim tune vehicle vehicle_new vehicle_check "
     "vehicle_build vehicle_list",
-}
-"""Module -> its commands, one with parts ahead of them."""
+}  # Module -> its commands, one with parts ahead of them
 _COMMANDS = {name: module for module, words in _MODULES.items() for name in words.split()}
-_COMMANDS["completion"] = ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    words = joined_band(sys.argv[1:] if arguments is None else arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
     options = parser(words).parse_args(words)
+    status = 2
     try:
         with _messages(quiet=getattr(options, "quiet", False)):
-            _check_files(options)
+            for name, suffixes in options.parser.files.items():
+                if getattr(options, name) is not None:
+                    from helisim.base.files import check_destination
+
+                    check_destination(getattr(options, name), suffixes)
             status = options.run(options)
         sys.stdout.flush()
         return status
-    except HelisimError as error:
-        unlisted = error.unlisted if isinstance(error, UnknownNameError | LogError) else ()
-        hint = worded(error.remedy)
-        hint += "; --names lists them" if unlisted and not options.names else ""
-        print(f"helisim {options.command}: {_lines(error)}{hint}", file=sys.stderr)
-        if options.names:
-            print(*unlisted, sep="\n", end="\n" if unlisted else "", file=sys.stderr)
-        return 3 if isinstance(error, DivergedError) else 2
-    except MemoryError as error:
-        print(f"helisim {options.command}: too much for this machine: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"helisim {options.command}: interrupted", file=sys.stderr)
-        return 130
     except BrokenPipeError:
         # as `helisim ... | head` ends; what is still to be printed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except HelisimError as error:
+        said = f"{_lines(error)}{worded(error.remedy)}"
+        status = 3 if isinstance(error, DivergedError) else 2
+    except MemoryError as error:
+        said = f"too much for this machine: {error}"
+    except KeyboardInterrupt:
+        said, status = "interrupted", 130
+    print(f"helisim {options.command}: {said}", file=sys.stderr)
+    return status
 
 
 def _lines(error: HelisimError) -> str:
-    """Return an error's message: one line, or one for each fault of logs."""
     findings = error.findings if isinstance(error, LogError) else ()
     if len(findings) < 2:
         return single_line(str(error)) + "".join(worded(one.remedy) for one in findings)
@@ -91,7 +83,6 @@ def _lines(error: HelisimError) -> str:
 
 @contextmanager
 def _messages(*, quiet: bool) -> Iterator[None]:
-    """Print what the library says while it works, on standard error."""
     logger, handler = logging.getLogger("helisim"), logging.StreamHandler()
     before = logger.level
     logger.setLevel(logging.ERROR if quiet else logging.INFO)
@@ -101,15 +92,6 @@ def _messages(*, quiet: bool) -> Iterator[None]:
     finally:
         logger.removeHandler(handler)
         logger.setLevel(before)
-
-
-def _check_files(options: Options) -> None:
-    """Refuse a file that can't be written before any time is spent. Raises StorageError."""
-    for name, suffixes in options.files.items():
-        if getattr(options, name) is not None:
-            from helisim.base.files import check_destination
-
-            check_destination(getattr(options, name), suffixes)
 
 
 def command_names() -> list[str]:
@@ -140,35 +122,11 @@ def parser(words: Sequence[str] = ()) -> Parser:
             )
             for part in parts:
                 _add(inner, part, part.removeprefix(f"{name}_"))
-        command.add_argument(
-            "--names", action="store_true", help="of a name that does not exist, list all that do"
-        )
     return whole
 
 
 def _add(commands: object, function: str, name: str) -> Parser:
-    """Add a command that a function is, named so, to others."""
     from helisim.cli.options import SHARED
 
     module = import_module(f"helisim.cli.{_COMMANDS[function]}".rstrip("."))
     return add_command(commands, getattr(module, function), SHARED, name)
-
-
-def completion(options: Options) -> int:
-    """Print what a shell needs to complete commands and options.
-
-    Print a script that makes a shell complete helisim's commands, options and file names.
-
-    Options:
-        shell SHELL  bash, zsh or tcsh
-
-    examples:
-      helisim completion bash > ~/.local/share/bash-completion/completions/helisim
-      eval "$(helisim completion zsh)"          in ~/.zshrc
-    """
-    import shtab
-
-    if options.shell not in shtab.SUPPORTED_SHELLS:
-        raise UnknownNameError("shell", options.shell, shtab.SUPPORTED_SHELLS)
-    print(shtab.complete(parser(), options.shell))
-    return 0

@@ -1,33 +1,27 @@
 """Commands about vehicles: their linear models, trims, ground tests, parameters and folders."""
 
+import json
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import InputError
 from helisim.base.text import single_line
 from helisim.cli.options import (
     Options,
-    Progress,
     loaded,
-    print_json,
     print_written,
+    progress,
     replace_parameter_file,
     worded,
 )
 
-if TYPE_CHECKING:
-    from helisim.vehicle import Vehicle
-
 FORMAT = "helisim level flights, version 1"
-_MOST = 1000
-"""Speeds; more are a mistake in the step."""
+_MOST = 1000  # Speeds; more are a mistake in the step
 
 
 def linearize(o: Options) -> int:
     """Print the exact linearisation at the hover.
 
-    Print the exact linearisation of the nonlinear vehicle at its hover.
+    Print the exact linearisation at the hover.
 
     Options:
         @vehicle
@@ -46,7 +40,7 @@ def linearize(o: Options) -> int:
     if o.json:
         provenance = made_by("linearization", **vehicle.provenance)
         more = {"derivatives": vehicle.derivatives, "provenance": provenance}
-        print_json({**linear.to_dict(), **more})
+        print(json.dumps({**linear.to_dict(), **more}, indent=2, allow_nan=False))
     else:
         print(render_derivatives(linear, vehicle.derivatives))
     return 0
@@ -55,134 +49,102 @@ def linearize(o: Options) -> int:
 def trim(o: Options) -> int:
     """Trim level flight over a range of speeds: power, controls, attitude.
 
-    Solve the steady level flight at each speed on the nonlinear force laws, and print the power,
-    the controls, the attitude and the disc's tilt.
+    Solve steady level flight at each speed, and print power, controls, attitude and disc tilt.
 
     Options:
         @vehicle
         --speeds LIST <=0:20:2>  m/s, FROM:TO:STEP or separated by commas (default: 0:20:2)
         --height H <float>  m above the ground (default: 10)
         --inputs IN <=IN1>  of the linearisations: IN1 (servo commands, default) or IN2 (sticks)
-        --figure FILE <.svg .png>  draw them, .svg or .png
         --json FILE <.json>  write trims and linearisations, .json
         @set
         @quiet
 
     examples:
-      helisim trim --speeds 0:20:1 --figure trim.png
-      helisim trim blade360 --speeds 0,5,10 --json trim.json
+      helisim trim --speeds 0:20:1 --json trim.json
       helisim trim --set air.ground_effect=1 --height 0.5
 
-    With --json each speed has its exact linearisation, as `helisim linearize`
-    prints it for the hover, and its derivatives.
+    With --json each speed has its exact linearisation and derivatives.
     """
+    from helisim.base.files import write_json
+    from helisim.records.record import made_by
     from helisim.show.terminal import render_trims
     from helisim.vehicle.trim import HEIGHT
 
     speeds, height = speeds_of(o.speeds), HEIGHT if o.height is None else o.height
     flights = [loaded(o)]
-    with Progress(len(speeds), o.quiet, unit="speed") as advance:
+    with progress(len(speeds), o.quiet, unit="speed") as advance:
         for speed in speeds:  # each search starts from the flight before
             flights.append(flights[-1].trimmed(speed=speed, height=height))
             advance(f"{speed:g} m/s")
     del flights[0]
     if o.json is not None:
-        _write_trims(flights, o)
-    if o.figure is not None:
-        _draw_trims(flights, o.figure)
+        found = [
+            {
+                "speed_m_s": flight.trim.speed,
+                "power_w": flight.power,
+                **flight.linearize(o.inputs).to_dict(),
+                "derivatives": flight.derivatives,
+            }
+            for flight in flights
+        ]
+        provenance = made_by("level flights", **flights[0].provenance)
+        write_json({"format": FORMAT, "flights": found, "provenance": provenance}, o.json)
     print(render_trims(flights))
-    print_written(o, o.figure, o.json)
+    print_written(o, o.json)
     return 0
 
 
 def speeds_of(text: str) -> list[float]:
     """Return the speeds that a text such as "0:20:1" or "0,5,10" names. Raises InputError."""
     try:
-        numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
-        speeds = numbers if all(map(math.isfinite, numbers)) else []
+        speeds = [float(part) for part in text.split(":" if ":" in text else ",")]
         if ":" in text:
-            first, last, step = numbers
-            # a last step that ends short of TO by rounding only is taken
-            steps = min(math.floor((last - first) / step * (1.0 + 1e-12) + 1e-9), _MOST)
-            backwards = step <= 0.0 or last < first
-            speeds = [] if backwards else [first + k * step for k in range(steps + 1)]
+            first, last, step = speeds
+            count = 1 + (last - first) / step * (1.0 + 1e-12) + 1e-9
+            speeds = [first + k * step for k in range(int(min(count, _MOST + 1)))]
     except (ValueError, ArithmeticError):
         speeds = []
-    if not 0 < len(speeds) <= _MOST:
+    if not (0 < len(speeds) <= _MOST and all(map(math.isfinite, speeds))):
         raise InputError(
-            "--speeds takes FROM:TO:STEP with a positive step, or numbers separated by commas, in "
-            f"m/s and at most {_MOST}, got {text!r}"
+            "--speeds takes FROM:TO:STEP, or numbers separated by commas, in m/s and at most "
+            f"{_MOST}, got {text!r}"
         )
     return speeds
-
-
-def _write_trims(flights: "list[Vehicle]", o: Options) -> None:
-    from helisim.base.files import write_json
-    from helisim.records.record import made_by
-
-    found = [
-        {
-            "speed_m_s": flight.trim.speed,
-            "power_w": flight.power,
-            **flight.linearize(o.inputs).to_dict(),
-            "derivatives": flight.derivatives,
-        }
-        for flight in flights
-    ]
-    provenance = made_by("level flights", **flights[0].provenance)
-    write_json({"format": FORMAT, "flights": found, "provenance": provenance}, o.json)
-
-
-def _draw_trims(flights: "list[Vehicle]", path: Path) -> None:
-    from helisim.base.files import atomic_write
-    from helisim.show.canvas import to_png
-    from helisim.show.plots import draw_trims
-
-    drawing = draw_trims(flights)
-    with atomic_write(path) as temporary:
-        content = to_png(drawing) if path.suffix == ".png" else drawing.svg.encode()
-        temporary.write_bytes(content)
 
 
 def bench(o: Options) -> int:
     """Run the ground tests: the yaw gyro's gains, the centre of gravity.
 
-    Step the pedals on the bench, sweep the turntable, hang from two points, all with the rotor off,
-    and print what is identified beside the truth.
+    Step the pedals, sweep a turntable and hang from two points, rotor off; print estimates and
+    truth.
 
     Options:
         @vehicle
         @seed: of the sensors
-        --json  findings and notes as JSON
         @set
         @quiet
 
-    example: helisim bench --json
+    example: helisim bench
     """
-    from helisim.records.record import made_by
     from helisim.show.terminal import render_rigs
     from helisim.sim.rigs import run_rigs
 
     vehicle = loaded(o)
-    with Progress(3, o.quiet, unit="rig") as advance:
+    with progress(3, o.quiet, unit="rig") as advance:
         tests = run_rigs(vehicle, seed=o.seed, on_progress=advance)
-    if o.json:
-        provenance = made_by("ground tests", **vehicle.provenance, seed=o.seed)
-        print_json({"rigs": [test.to_dict() for test in tests], "provenance": provenance})
-    else:
-        print(render_rigs(tests))
+    print(render_rigs(tests))
     return 0
 
 
 def calibrate(o: Options) -> int:
     """Solve the physical parameters from derivatives.
 
-    Solve for the physical parameters whose linearised flight has the derivatives that are published
-    of the vehicle, or that [targets] of its parameters.toml states.
+    Solve for the physical parameters that give the published derivatives, or those of [targets] in
+    parameters.toml.
 
     Options:
         @vehicle
-        --from-geometry  estimate what [targets] leaves out, in closed form, from [geometry]
         @write: calibrated.toml
         @quiet
 
@@ -190,8 +152,8 @@ def calibrate(o: Options) -> int:
     """
     from helisim.study.new_vehicle import calibrated_text
 
-    with Progress(None, o.quiet, unit="trial") as advance:
-        text = calibrated_text(o.vehicle, from_geometry=o.from_geometry, on_progress=advance)
+    with progress(None, o.quiet, unit="trial") as advance:
+        text = calibrated_text(o.vehicle, on_progress=advance)
     if not o.write:
         print(text, end="")
         return 0
@@ -202,9 +164,8 @@ def calibrate(o: Options) -> int:
 def tune(o: Options) -> int:
     """Solve the gyro's gains from published models or a rate command.
 
-    Solve for the gyro's settings at which the vehicle, seen from the sticks, has the models that
-    are published of it (the JR700: eq. (8) and the IN2 column of Table 3), or the rate command that
-    its parameters ask for; print the margins of its loops.
+    Solve for the gyro's settings that give the published models from the sticks (JR700: eq. (8),
+    IN2 of Table 3), or the rate command of its parameters; print the loops' margins.
 
     Options:
         @vehicle
@@ -213,50 +174,46 @@ def tune(o: Options) -> int:
 
     example: helisim tune
     """
-    from helisim.study.tune import margin_table, tune
+    from helisim.study.tune import LOOPS, margins, tune
     from helisim.vehicle import load
     from helisim.vehicle.parameters import to_toml
 
     vehicle = load(o.vehicle, tuned=False)
-    with Progress(None, o.quiet, unit="trial") as advance:
+    with progress(None, o.quiet, unit="trial") as advance:
         settings = tune(vehicle, on_progress=advance)
     text = to_toml(settings, "Written by `helisim tune --write`; not by hand.")
     print(text)
-    print("# Margins: loop, more delay (ms), gain (dB), phase (deg), crossover (rad/s)")
-    for one in margin_table(vehicle.with_settings(dict(settings))):
-        print(
-            f"# {one.axis} {1e3 * one.extra_delay:4.0f} {one.margins.gain_db:6.1f} "
-            f"{one.margins.phase_deg:6.1f} {one.margins.crossover:6.1f}"
-        )
+    print("# Margins: loop, gain (dB), phase (deg), crossover (rad/s)")
+    tuned = vehicle.with_settings(dict(settings))
+    for axis in LOOPS:
+        left = margins(tuned, axis)
+        print(f"# {axis} {left.gain_db:6.1f} {left.phase_deg:6.1f} {left.crossover:6.1f}")
     if o.write:
         replace_parameter_file(o, "tuned.toml", text)
     return 0
 
 
-def vehicle(o: Options) -> int:
+def vehicle(_: Options) -> None:
     """Make a vehicle of your own, check it, build its MJCF, list the shipped.
 
-    Make a vehicle of your own from a shipped one, say what is wrong with it, write its numbers for
-    stock MuJoCo, list what is shipped.
+    Make a vehicle, check it, write its numbers for stock MuJoCo, list the shipped.
 
     examples:
       helisim vehicle list
       helisim vehicle new myheli --like jr700      the folder myheli/, which flies
-      helisim vehicle check myheli                 what is wrong with it, with lines
+      helisim vehicle check myheli                 what is wrong with it
       helisim fly myheli --axis lat --out lat.parquet
       helisim vehicle build myheli                 its MJCF for stock MuJoCo
 
     A vehicle is a folder: every command takes its path. parameters.toml in it
     says of each line what it is, in which unit, and where to get it.
     """
-    raise NotImplementedError(o.part)
 
 
 def vehicle_new(o: Options) -> int:
     """Make a folder that flies at once, commented line by line.
 
-    Make a vehicle's folder from another's. It flies at once; change it line by line. Nothing that
-    is there is overwritten.
+    Make a vehicle's folder from another's. Nothing is overwritten.
 
     Options:
         name NAME  of the vehicle and its folder
@@ -275,10 +232,10 @@ def vehicle_new(o: Options) -> int:
 
 
 def vehicle_check(o: Options) -> int:
-    """Say everything that is wrong with a vehicle, with its line and the remedy.
+    """Say everything that is wrong with a vehicle, with the remedy.
 
-    Say everything that is wrong with a vehicle's folder, each with its line and the remedy, and
-    print what it is in the hover. Exit status 2 if anything is wrong.
+    Print a vehicle's faults, each with its file and remedy, and its hover. Exit status 2 if
+    anything is wrong.
 
     Options:
         @vehicle
@@ -301,9 +258,8 @@ def vehicle_check(o: Options) -> int:
 def vehicle_build(o: Options) -> int:
     """Write the force laws' numbers into the vehicle's MJCF.
 
-    Write into a vehicle's MJCF what its parameters give: the numbers of the force laws, the gyro's
-    timing, the fuselage's inertia and the trim of the keyframe hover. Stock MuJoCo flies it then,
-    within helisim.installed(). Nothing else of the file is changed.
+    Write the force laws' numbers, the gyro's timing, the fuselage's inertia and the hover's trim
+    into a vehicle's MJCF. Stock MuJoCo flies it then, within helisim.installed().
 
     Options:
         vehicle VEHICLE  its folder, or name of a shipped one
@@ -317,7 +273,7 @@ def vehicle_build(o: Options) -> int:
     if o.check:
         changes = unwritten(o.vehicle)
         for change in changes:
-            print(f"{change.element.place}: {', '.join(change.numbers)}")
+            print(f"{change.element.place}: {', '.join(change.attributes)}")
         return 1 if changes else 0
     written = write_numbers(o.vehicle)
     print_written(o, *written)
@@ -326,11 +282,10 @@ def vehicle_build(o: Options) -> int:
     return 0
 
 
-def vehicle_list(o: Any) -> int:
+def vehicle_list(_: Options) -> int:
     """List the shipped vehicles."""
-    from helisim.vehicle.folder import model_folder, vehicle_names
+    from helisim.vehicle.parameters import model_folder, vehicle_names
 
-    del o
     for name in vehicle_names():
         title = (model_folder(name) / "README.md").read_text(encoding="utf-8").splitlines()[0]
         print(f"{name:<10} {title.lstrip('# ')}")

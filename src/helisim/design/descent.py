@@ -1,15 +1,11 @@
 """Descent by linear programs: the worst of many distances, and a cost, within a trust region.
 
-Distances to specifications are a worst case over axes and models: not smooth where the worst
-changes hands. A linear program takes them as they are, each linearised by itself (Madsen, An
-algorithm for minimax solution of overdetermined systems of non-linear equations, J. Inst. Maths
-Applics 16, 1975, 321-328; with a cost, Fletcher and Sainz de la Maza, Nonlinear programming and
-nonsmooth optimization by successive linear programming, Mathematical Programming 43, 1989).
+Madsen, J. Inst. Maths Applics 16, 1975, 321-328; with a cost, Fletcher and Sainz de la Maza,
+Mathematical Programming 43, 1989.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,53 +13,33 @@ from scipy.optimize import linprog
 
 Vector = NDArray[np.float64]
 
-_DIFFERENCE = 1e-4
-"""Of a coordinate: a curve is read between its points to some 1e-9 of it."""
-_PENALTY = 100.0
-"""Of the worst shortfall beside the cost: above any sum of multipliers met, so that it is exact."""
-_EACH = 0.1
-"""Weight of each shortfall beside the worst: axes that are not the worst go on meanwhile."""
-_SHORTEST = 1e-2
-"""Weight of a step's length, in units of what is descended: what changes nothing stays."""
+_DIFFERENCE = 1e-4  # step of a coordinate for derivatives
+_PENALTY = 100.0  # weight of the worst shortfall beside the cost
+_EACH = 0.1  # weight of each shortfall beside the worst
+_SHORTEST = 1e-2  # weight of a step's length
 _FIRST, _LARGEST, _LEAST = 0.25, 0.8, 2e-3
 """Radius of trust: at first, at most, and where the descent ends."""
 _ACCEPTED, _GOOD = 0.05, 0.6
 """Share of the improvement foreseen from which on a step is taken, and the radius doubled."""
-_WORTHWHILE = 1e-4
-"""Improvement foreseen below which the descent ends, in units of distance."""
+_WORTHWHILE = 1e-4  # improvement foreseen below which the descent ends, in units of distance
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What one law is worth.
+    """Coordinates, (n,); their distances, (n_distance,), positive in Level 1, inf: none; cost."""
 
-    Attributes:
-        distances: (n_distance,) of each specification in each model, positive inside Level 1;
-            inf where it isn't asked for.
-        cost: to be made small where the distances allow it.
-    """
-
+    at: Vector
     distances: Vector
     cost: float
 
 
-class Objective(Protocol):
-    """What coordinates, (n,), are worth; None where a loop is unstable: distances mean nothing."""
-
-    def __call__(self, at: Vector, /, near: bool = False) -> Trial | None:
-        """Return it; `near` is a point beside one that is stable."""
-        ...
+Objective = Callable[[Vector, bool], Trial | None]
+"""Coordinates, (n,), and whether beside a stable point -> trial; else None of an unstable loop."""
 
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """What distances are wanted.
-
-    Attributes:
-        distances: (n_distance,) wanted; -inf asks for nothing.
-        rigour: (n_distance,) by which a shortfall counts.
-        cost: by which the cost counts, 0 where only shortfalls do.
-    """
+    """Wanted distances (-inf: none) and their weights, (n_distance,) each; weight of the cost."""
 
     distances: Vector
     rigour: Vector
@@ -71,55 +47,32 @@ class Goal:
 
     def shortfalls(self, trial: Trial) -> Vector:
         """Return every shortfall, (n_distance,), 0 where nothing is short."""
-        asked = np.isfinite(self.distances)
-        short = np.zeros(asked.size)
-        short[asked] = (self.distances - trial.distances)[asked]
-        return np.maximum(0.0, self.rigour * short)
-
-    def shortfall(self, trial: Trial) -> float:
-        """Return the worst shortfall, 0 where nothing is short."""
-        return float(np.max(self.shortfalls(trial)))
+        return np.maximum(0.0, self.rigour * _less(self.distances, trial.distances))
 
     def merit(self, trial: Trial) -> float:
-        """Return what is descended: cost, the worst shortfall, and a little of each."""
+        """Return the descended sum of cost and shortfalls."""
         short = self.shortfalls(trial)
         penalty = _PENALTY * (float(np.max(short)) + _EACH * float(np.sum(short)))
         return self.cost * trial.cost + penalty
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Coordinates, (n,), and what they are worth."""
-
-    at: Vector
-    trial: Trial
-
-
 def descend(
     objective: Objective,
-    start: Point,
+    here: Trial,
     goal: Goal,
     box: tuple[Vector, Vector],
     *,
     steps: int,
-    on_step: Callable[[Point], None] | None = None,
-) -> Point:
-    """Return the best point that is reached from a start.
+    on_step: Callable[[Trial], None] = lambda _: None,
+) -> Trial:
+    """Return the best trial from a stable one in `box`, lowest and highest, (n,) each.
 
-    Without a cost it ends as soon as nothing is short.
-
-    Args:
-        objective: of coordinates.
-        start: where every loop is stable.
-        goal: what is wanted.
-        box: lowest and highest coordinates, (n,) each.
-        steps: at most.
-        on_step: called with each point that is accepted.
+    Without a cost it ends as soon as nothing is short; `on_step` sees accepted trials.
     """
-    here, radius = start, _FIRST
+    radius = _FIRST
     slopes: tuple[NDArray[np.float64], Vector] | None = None
     for _ in range(steps):
-        if goal.cost == 0.0 and goal.shortfall(here.trial) == 0.0:
+        if goal.cost == 0.0 and not np.any(goal.shortfalls(here)):
             break
         if slopes is None:
             slopes = _slopes(objective, here, box)
@@ -128,13 +81,12 @@ def descend(
             break
         there, gained = _taken(objective, here, step, goal, box)
         if there is not None and gained <= _ACCEPTED * foreseen:
-            bent = _over(there.trial.distances, here.trial.distances) - slopes[0] @ step
+            bent = _less(there.distances, here.distances) - slopes[0] @ step
             step, _ = _step(here, slopes, goal, box, radius, bent)
             there, gained = _taken(objective, here, step, goal, box)
         if there is not None and gained > _ACCEPTED * foreseen:
             here, slopes = there, None
-            if on_step is not None:
-                on_step(here)
+            on_step(here)
             if gained > _GOOD * foreseen:
                 radius = min(2.0 * radius, _LARGEST)
         else:
@@ -145,55 +97,43 @@ def descend(
 
 
 def _taken(
-    objective: Objective, here: Point, step: Vector, goal: Goal, box: tuple[Vector, Vector]
-) -> tuple[Point | None, float]:
-    """Return the point that a step leads to, None where it is unstable, and what is gained."""
-    there = np.clip(here.at + step, *box)
-    trial = objective(there)
-    if trial is None:
-        return None, -np.inf
-    return Point(there, trial), goal.merit(here.trial) - goal.merit(trial)
+    objective: Objective, here: Trial, step: Vector, goal: Goal, box: tuple[Vector, Vector]
+) -> tuple[Trial | None, float]:
+    trial = objective(np.clip(here.at + step, *box), False)
+    return trial, -np.inf if trial is None else goal.merit(here) - goal.merit(trial)
 
 
-def _over(after: Vector, before: Vector) -> Vector:
-    """Return by how much distances, (n_distance,), grew, 0 where they aren't asked for."""
-    found = np.zeros(after.size)
-    known = np.isfinite(after)
-    found[known] = after[known] - before[known]
-    return found
+def _less(one: Vector, other: Vector) -> Vector:
+    """Return the difference where the first is finite, else 0."""
+    return np.subtract(one, other, out=np.zeros(one.size), where=np.isfinite(one))
 
 
 def _slopes(
-    objective: Objective, here: Point, box: tuple[Vector, Vector]
+    objective: Objective, here: Trial, box: tuple[Vector, Vector]
 ) -> tuple[NDArray[np.float64], Vector]:
     """Return the derivatives of distances, (n_distance, n), and of the cost, (n,)."""
     n = here.at.size
-    jacobian, gradient = np.zeros((here.trial.distances.size, n)), np.zeros(n)
+    jacobian, gradient = np.zeros((here.distances.size, n)), np.zeros(n)
     for k in range(n):
-        forward = here.at[k] + _DIFFERENCE <= box[1][k]
-        for step in (_DIFFERENCE, -_DIFFERENCE) if forward else (-_DIFFERENCE,):
-            there = here.at.copy()
-            there[k] += step
-            trial = objective(there, near=True)
-            if trial is not None:
-                jacobian[:, k] = _over(trial.distances, here.trial.distances) / step
-                gradient[k] = (trial.cost - here.trial.cost) / step
-                break
+        step = _DIFFERENCE if here.at[k] + _DIFFERENCE <= box[1][k] else -_DIFFERENCE
+        trial = objective(here.at + step * (np.arange(n) == k), True)
+        assert trial is not None  # beside a stable point
+        jacobian[:, k] = _less(trial.distances, here.distances) / step
+        gradient[k] = (trial.cost - here.cost) / step
     return jacobian, gradient
 
 
 def _step(
-    here: Point,
+    here: Trial,
     slopes: tuple[NDArray[np.float64], Vector],
     goal: Goal,
     box: tuple[Vector, Vector],
     radius: float,
     bent: Vector | None = None,
 ) -> tuple[Vector, float]:
-    """Return the step that the linear program asks for, and the improvement it foresees."""
     jacobian, gradient = slopes
     wanted = np.isfinite(goal.distances)
-    short = goal.distances[wanted] - here.trial.distances[wanted]
+    short = goal.distances[wanted] - here.distances[wanted]
     if bent is not None:
         short = short - bent[wanted]
     rigour = goal.rigour[wanted]
@@ -220,4 +160,4 @@ def _step(
         return np.zeros(n), 0.0
     step = np.asarray(found.x[:n] - found.x[n : 2 * n], dtype=np.float64)
     after = float(price[2 * n :] @ found.x[2 * n :]) + float(weighed @ step)
-    return step, goal.merit(here.trial) - goal.cost * here.trial.cost - after
+    return step, goal.merit(here) - goal.cost * here.cost - after

@@ -1,12 +1,7 @@
-"""What a design starts from: an attitude command law, and the specifications that are usual.
-
-The law's feed-forward is the inverse of the model; its feedback is weak, so that loops are as
-stable as the aircraft alone; the design finds the rest.
-"""
+"""A design's start: an attitude command law of weak feedback, and the usual specifications."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,45 +9,33 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.linear import Linear, Response
-from helisim.base.settings import FrozenMap
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.design.laws.law import Law, Lead
-from helisim.handling.chart import Limit
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import (
-    ActuatorOnset,
     ActuatorUse,
     Crossover,
     DisturbanceRejection,
     LoadRejection,
     PoleLimits,
 )
-from helisim.handling.criterion import Froude
+from helisim.handling.criterion import froude_scale
 from helisim.handling.figures import rejection
+from helisim.handling.limit import Limit
 from helisim.handling.loop import GRID
 from helisim.handling.spec import ATTITUDES, Spec, standard
 
-_INVERTED = np.geomspace(1.0, 8.0, 20)
-"""rad/s, where sticks work: the inverse of the model is taken there."""
-_LOOKS = np.geomspace(3.0, 15.0, 20)
-"""rad/s, around the crossover, where the swashplate's angle is found."""
+_INVERTED = np.geomspace(1.0, 8.0, 20)  # rad/s, of the model's inverse
+_LOOKS = np.geomspace(3.0, 15.0, 20)  # rad/s, where the swashplate's angle is found
 _STICK = {"cyclic": 1.0, "pedals": 4.0}
-"""rad and rad/s of a whole stick: 28 degrees of bank and 115 deg/s where it ends, at one half."""
-_MODEL = 5.0
-"""rad/s, of the command models at first."""
-_WEAK = 0.2
-"""Gain of the rate's loop at first, at low frequency."""
-_HOLD = {"cyclic": 15.0, "pedals": 2.0}
-"""rad/s: ratio of attitude to rate in the feedback at first. A rotor damps roll and pitch by
-itself, so its attitude can be fed back with little rate; yaw needs its rate."""
-_YAW = 5.0
-"""rad/s, crossover of the yaw rate's loop at first. Yaw hardly damps itself: its acceleration tells
-what a rate loop needs."""
-_SLOW = 2.0
-"""rad/s: ratio of integral to attitude at first."""
-_LEAD = (40.0, 200.0)
-"""rad/s, zero and pole of the lead at first."""
-_MOVED = {
+"""rad and rad/s of a whole stick; the stick ends at one half."""
+_MODEL = 5.0  # rad/s, of the command models at first
+_WEAK = 0.2  # gain of the rate's loop at first, at low frequency
+_HOLD = {"cyclic": 15.0, "pedals": 2.0}  # rad/s: ratio of attitude to rate in the feedback at first
+_YAW = 5.0  # rad/s, crossover of the yaw rate's loop at first
+_SLOW = 2.0  # rad/s: ratio of integral to attitude at first
+_LEAD = (40.0, 200.0)  # rad/s, zero and pole of the lead at first
+_MOVED = {  # least and largest multiple of each moved parameter's start
     "k_angle": (0.05, 60.0),
     "k_rate": (0.2, 60.0),
     "k_integral": (0.3, 300.0),
@@ -60,50 +43,25 @@ _MOVED = {
     "filter_1.pole": (0.3, 3.0),
     "frequency": (0.4, 4.0),
 }
-"""Least and largest multiple of its start of each parameter that is moved, of one sign."""
 BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
 """Disturbance rejection bandwidth over that of the law before."""
 TASK = "ads33e_other_divided"
-"""Of ADS-33E-PRF: all tasks but target acquisition, with divided attention."""
-_LOADS = 1.5
-"""Times slower than the rejection bandwidth of the law before are the fastest loads."""
+"""All tasks of ADS-33E-PRF but target acquisition, with divided attention."""
+_LOADS = 1.5  # rejection bandwidth of the law before over the fastest load's frequency
 _STIFFER = {True: 3.0, False: 0.0}
 """dB by which loads on its own command turn an axis less, and those on another's."""
 _SLOWEST = 0.3
-"""rad/s, of loads: slower ones are the pilot's."""
-_SPAN = 3.0
-"""dB from Level 1 to the end of Level 2: 1.4 times as far."""
+_SPAN = 3.0  # dB from Level 1 to the end of Level 2
 _GROWTH = Limit(1e-3, 0.05)
-"""1/s: integrals of what is commanded stand at 0, but for rounding."""
 _FAST = Limit(30.0, 60.0)
-"""rad/s, of an objective: only how crossovers weigh against actuator use depends on it."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """A law and how far a design may move it.
+def attitude_start(
+    plant: Linear, *, period: float
+) -> tuple[AttitudeCommand, dict[str, tuple[float, float]]]:
+    """Return an attitude command law for a model, at a period (s), and bounds for its design.
 
-    Attributes:
-        law: where the search starts.
-        bounds: least and largest value of each parameter that is moved, by name.
-    """
-
-    law: AttitudeCommand
-    bounds: Mapping[str, tuple[float, float]]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "bounds", FrozenMap(self.bounds))
-
-
-def attitude_start(plant: Linear, *, period: float) -> Start:
-    """Return an attitude command law for a model of roll, pitch and yaw.
-
-    Args:
-        plant: from lat, lon, ped to p, q, r and their angles.
-        period: s, between the law's ticks.
-
-    Raises:
-        InputError: the model lacks an axis.
+    Raises InputError if the model lacks lat, lon, ped, p, q or r.
     """
     lacks = [name for name in ATTITUDES if name not in plant.inputs]
     lacks += [name for name in ("p", "q", "r") if name not in plant.outputs]
@@ -114,21 +72,16 @@ def attitude_start(plant: Linear, *, period: float) -> Start:
         )
     phase = _phase(plant)
     turned = _cyclic_rates(plant, _INVERTED) @ _turned(phase)
-    responses = [
-        turned[:, 0, 0],
-        turned[:, 1, 1],
-        _rates(plant, _INVERTED, ["r"], ["ped"])[:, 0, 0],
-    ]
-    inverses = [_inverse(one, period) for one in responses]
-    roll, pitch = (
-        AttitudeAxis(
-            **_axis("cyclic", math.copysign(_WEAK * abs(rate), rate), rate, acceleration, late)
-        )
-        for rate, acceleration, late in inverses[:2]
+    yaw = _rates(plant, _INVERTED, ["r"], ["ped"])
+    (roll, pitch, ahead) = (
+        _inverse(one[:, k, k], period) for one, k in ((turned, 0), (turned, 1), (yaw, 0))
     )
-    rate, acceleration, late = inverses[2]
-    yaw = YawAxis(**_axis("pedals", _YAW * acceleration, rate, acceleration, late))
-    law = AttitudeCommand(lat=roll, lon=pitch, ped=yaw, phase=phase)
+    law = AttitudeCommand(
+        lat=AttitudeAxis(**_axis("cyclic", _WEAK * roll[0], *roll)),
+        lon=AttitudeAxis(**_axis("cyclic", _WEAK * pitch[0], *pitch)),
+        ped=YawAxis(**_axis("pedals", _YAW * ahead[1], *ahead)),
+        phase=phase,
+    )
     bounds = {"phase": (phase - 0.7, phase + 0.7)}
     started = law.parameters()
     for name, value in started.items():
@@ -139,13 +92,10 @@ def attitude_start(plant: Linear, *, period: float) -> Start:
         elif key in ("k_angle_cross", "k_rate_cross"):  # to either side, as far as the axis's own
             most = 10.0 * abs(started[f"{axis}.{key.removesuffix('_cross')}"])
             bounds[name] = (-most, most)
-    return Start(law, bounds)
+    return law, bounds
 
 
-def _axis(
-    kind: str, k_rate: float, rate: float, acceleration: float, late: float
-) -> dict[str, Any]:
-    """Return an axis's numbers: the inverse of its model ahead of a feedback of some rate gain."""
+def _axis(kind: str, k_rate: float, rate: float, acceleration: float) -> dict[str, Any]:
     return {
         "stick": _STICK[kind],
         "frequency": _MODEL,
@@ -154,13 +104,11 @@ def _axis(
         "k_integral": _SLOW * _HOLD[kind] * k_rate,
         "ff_rate": rate,
         "ff_acceleration": acceleration,
-        "ff_delay": late,
         "filters": (Lead(*_LEAD),),
     }
 
 
 def _phase(plant: Linear) -> float:
-    """Return the angle by which lat and lon are turned so that rates off their axes are least."""
     cyclic = _cyclic_rates(plant, _LOOKS)
     angles = np.radians(np.arange(-90.0, 90.0, 0.5))
 
@@ -172,7 +120,6 @@ def _phase(plant: Linear) -> float:
 
 
 def _turned(angle: float) -> NDArray[np.float64]:
-    """Return what lat and lon get of the law's pair, (2, 2)."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, sine], [-sine, cosine]])
 
@@ -184,49 +131,36 @@ def _cyclic_rates(plant: Linear, frequency: NDArray[np.float64]) -> Response:
 def _rates(
     plant: Linear, frequency: NDArray[np.float64], outputs: list[str], inputs: list[str]
 ) -> Response:
-    """Return some responses, (n_freq, n_out, n_in)."""
     rows = [plant.outputs.index(name) for name in outputs]
     columns = [plant.inputs.index(name) for name in inputs]
     return np.moveaxis(plant.response(frequency)[np.ix_(rows, columns)], -1, 0)
 
 
-def _inverse(response: Response, period: float) -> tuple[float, float, float]:
-    """Return the inverse c0 + c1 s of a rate over its command, (n_freq,), and how late it is, s.
+def _inverse(response: Response, period: float) -> tuple[float, float]:
+    """Return the inverse c0 + c1 s of a rate over its command, (n_freq,), delayed by some ticks."""
 
-    Command over the rate and over its derivative, SI. Least squares of the relative error, the
-    delay found with it.
-    """
-    best = (np.inf, 0.0, 0.0, 0.0)
-    for late in (period * np.arange(31)).tolist():
+    def fitted(late: float) -> tuple[float, float, float]:
         without = response * np.exp(1j * _INVERTED * late)
         columns = np.stack([without, 1j * _INVERTED * without], axis=1)
         both = np.concatenate([np.real(columns), np.imag(columns)])
         wanted = np.concatenate([np.ones(response.size), np.zeros(response.size)])
         found, *_ = np.linalg.lstsq(both, wanted)
-        residual = float(np.sum((both @ found - wanted) ** 2))
-        best = min(best, (residual, late, float(found[0]), float(found[1])))
-    return best[2], best[3], best[1]
+        return float(np.sum((both @ found - wanted) ** 2)), float(found[0]), float(found[1])
+
+    return min(map(fitted, period * np.arange(31)))[1:]
 
 
 def usual_specs(
     plant: Linear, before: Law, *, period: float, diameter: float, rate_limit: float
 ) -> tuple[Spec, ...]:
-    """Return what is asked of a law that replaces another one on a small helicopter.
+    """Return the specifications of a law that replaces another one on a small helicopter.
 
-    Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay
-    and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in
-    roll and pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that,
-    where this is more; and slow loads, as of gusts, turn the vehicle less far than with the law
-    before. Objective: crossovers, and what the actuators do. The rest of the standards is checked.
-
-    Args:
-        plant: nominal.
-        before: the law that is replaced.
-        period: s, between ticks.
-        diameter: of the rotor, m.
-        rate_limit: of the servos' commands, unitised, a second.
+    Hard: stability, margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay and
+    damping of ADS-33E-PRF and disturbance rejection, by Froude's law; rejection bandwidth 1.3 times
+    (yaw: 1 time) that of the law before, loads rejected better. Objective: crossovers and actuator
+    use. `period` in s, `diameter` in m, `rate_limit` unitised, a second.
     """
-    scale = Froude.of(diameter).ratio
+    scale = froude_scale(diameter)
     loop = ClosedLoop(plant, before.linear(period), GRID)
     found = [Spec(PoleLimits(growth=_GROWTH), "hard")]
     found += [one for one in standard("margins") if not isinstance(one.criterion, PoleLimits)]
@@ -235,7 +169,7 @@ def usual_specs(
         own = rejection(loop.disturbance(axis)).bandwidth
         usual = spec.criterion.limits["drb"]
         wanted = Limit(BETTER[axis] * own, own if BETTER[axis] > 1.0 else 0.75 * own)
-        if isinstance(usual, Limit) and wanted.level1 > usual.level1:
+        if wanted.level1 > usual.level1:
             spec = replace(spec, criterion=DisturbanceRejection(axis=axis, bandwidth=wanted))
         found.append(spec)
         high = max(own / _LOADS, 2.0 * _SLOWEST)
@@ -249,6 +183,5 @@ def usual_specs(
         found += [
             Spec(Crossover(axis=axis, frequency=_FAST), "objective"),
             Spec(ActuatorUse(axis=axis, rate_limit=rate_limit, scale=scale), "objective"),
-            Spec(ActuatorOnset(axis=axis, rate_limit=rate_limit), "check"),
         ]
     return tuple(found)

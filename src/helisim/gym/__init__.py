@@ -1,9 +1,6 @@
-"""Gymnasium environments: `helisim/Hover-v0` and `helisim/Track-v0`.
+"""Gymnasium environments `helisim/Hover-v0` and `helisim/Track-v0`, registered on import.
 
-Importing this package registers them; so does `import helisim` behind `import gymnasium`, and a
-module before the colon:
-
-    gymnasium.make("helisim.gym:helisim/Hover-v0")
+`gymnasium.make("helisim.gym:helisim/Hover-v0")` imports it by itself.
 """
 
 try:
@@ -13,13 +10,11 @@ except ImportError as error:
 
 from helisim.base import register
 from helisim.gym.environments import HelicopterEnv, HelicopterVectorEnv
-from helisim.gym.episodes import USUAL, Action, Spread
-from helisim.gym.settings import Setup, Start, WeatherRange
+from helisim.gym.setup import USUAL, Setup, Spread, Start, WeatherRange
 from helisim.gym.task import Hover, Observation, Situation, Task, Track
 
 __all__ = [
     "USUAL",
-    "Action",
     "HelicopterEnv",
     "HelicopterVectorEnv",
     "Hover",

@@ -1,150 +1,92 @@
-"""Many helicopters that an agent flies at once, stepped natively; alone it is the same code."""
+"""Many helicopters that an agent flies at once, stepped natively."""
 
 import copy
-import math
 import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
-from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.error import ResetNeeded
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, UnknownNameError
-from helisim.gym.episodes import Agent, EpisodeStart, Spread
-from helisim.gym.settings import Setup
-from helisim.gym.task import BOUND, Situation, StateReader, check_task
-from helisim.physics.layout import SENSOR
+from helisim.base.errors import InputError
+from helisim.base.settings import convert, from_plain
+from helisim.gym.setup import TASKS, Agent, Setup, Spread
+from helisim.gym.task import BOUND, Motions, Situation, Task, check_task
+from helisim.physics.layout import SENSOR, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.sim.flight import thread_count
 from helisim.sim.limits import Limits
-from helisim.vehicle.controller import Flying
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.trim import Motion, addresses, place, write_motion
 
-_EARLY = 1e-9
-"""s by which a new command may come early: times are rounded."""
-OPTIONS = ("motion", "command")
-_COPIED = ("states", "_commands", "_until", "_actions", "_before")
-"""Arrays that say how far the episodes have come."""
+_EARLY = 1e-9  # s by which a new command may come early: times are rounded
+_COMMAND = tuple[float, float, float, float]
+_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class Episode(NamedTuple):
-    """What a helicopter's model was given for its episode.
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of `reset`: distances from the trim, not at random, and the episode's command."""
 
-    Attributes:
-        factors: of the spread parameters, (n_parameter,).
-        weather: of the episode.
-        seed: of its air.
-    """
-
-    factors: NDArray[np.float64]
-    weather: Weather
-    seed: int
+    motion: Motion | None = None
+    command: _COMMAND | None = None
 
 
-class Stepped(NamedTuple):
-    """What a step gave, a row or element for each of n helicopters.
-
-    Attributes:
-        seen: (n, n_observation) float32, scaled.
-        reward: (n,) float64.
-        terminated: (n,) bool.
-        why: row -> name of the limit, or how the controller failed, of those that are terminated.
-    """
-
-    seen: NDArray[np.float32]
-    reward: NDArray[np.float64]
-    terminated: NDArray[np.bool_]
-    why: Mapping[int, str]
+Stepped = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], Mapping[int, str]]
+"""Of n helicopters: what is seen, (n, n_observation), scaled; reward, (n,); who ended, (n,); and by
+row the name of the limit, or the controller's failure."""
 
 
 class Flights:
-    """n helicopters under one agent: models of their own, states side by side, native steps.
+    """n helicopters under one agent, each with a model of its own; `frame` is s between actions.
 
-    Args:
-        setup: of the environment.
-        count: how many.
-        threads: that step them; as the setup says if None.
+    `states` are MuJoCo's full physics states, (n, n_state).
     """
 
-    def __init__(self, setup: Setup, count: int, *, threads: int | None = None) -> None:
-        self.setup, self.count, self._threads = setup, count, threads
-        self.vehicle = setup.loaded()
-        self.task = setup.asked
+    def __init__(self, setup: Setup, count: int) -> None:
+        self.setup, self.count, self.vehicle = setup, count, setup.loaded()
+        self.task = setup.task if isinstance(setup.task, Task) else TASKS[setup.task]()
         check_task(self.task)
-        model = self.vehicle.model
+        model, steps = self.vehicle.model, setup.frame_skip
         self.agent = Agent(setup, self.vehicle)
         self.spread = Spread(self.vehicle, setup.spread)
-        self._start = EpisodeStart(setup, self.vehicle)
         self._limits = Limits(setup.envelope, self.vehicle, of_origin=True)
-        self._reader = StateReader(model)
         self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
+        where = addresses(model)
+        self._rotor, self._rough = where.rotor, where.state + STATE.air_u
+        self._motion_at = 1 + model.nq, 1 + model.nq + model.nv + where.state + STATE.flap_a
         self._models = [copy.copy(model) for _ in range(count)]
         self._controllers = ExitStack()
         weakref.finalize(self, self._controllers.close)
-        self._laws = self._own_laws()
-        self._rotor = addresses(model).rotor
-        self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
-        self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
-        self._chunk = -(-count // len(self._data))  # one a thread: others wait for its caches
-        self._episodes: list[Episode | None] = [None] * count
-        self._ready, self._closed = False, False
-        self._allocate(model)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what it is made of and how far its episodes are; threads are no data."""
-        return {
-            "made": (self.setup, self.count, self._threads),
-            "episodes": self._episodes,
-            "arrays": {name: getattr(self, name) for name in _COPIED},
-        }
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make another, and put its episodes where they were."""
-        setup, count, threads = state["made"]
-        self.__init__(setup, count, threads=threads)
-        for row, episode in enumerate(state["episodes"]):
-            if episode is not None:
-                self._give(row, episode)
-        self._ready = None not in self._episodes
-        vars(self).update(state["arrays"])
-
-    def _own_laws(self) -> list[Flying]:
-        """Give each helicopter its copy of the controller's laws that aren't shipped."""
         controller = self.vehicle.controller
-        if not controller.laws:
-            return []
-        flying = self._controllers.enter_context
-        return [flying(controller.flying(model)) for model in self._models]
-
-    def _allocate(self, model: mujoco.MjModel) -> None:
-        size, steps = self._start.state.size, self.setup.frame_skip
-        self.states = np.tile(self._start.state, (self.count, 1))
-        self._flown = np.empty((self.count, steps, size))
-        self._sensed = np.empty((self.count, steps, model.nsensordata))
+        flying = [controller.flying(one) for one in self._models] if controller.laws else []
+        self._laws = [self._controllers.enter_context(one) for one in flying]
+        self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
+        threads = min(count, thread_count(setup.threads))
+        self._data = [mujoco.MjData(model) for _ in range(threads)]
+        self._pool = Rollout(nthread=0 if threads == 1 else threads)  # one is the caller's own
+        self._chunk = -(-count // threads)  # one a thread: others wait for its caches
+        self._start = mujoco.MjData(model)
+        place(model, self._start, self.vehicle.trim, height=setup.weather.height)
+        size = mujoco.mj_stateSize(model, _FULL)
+        self.states = np.zeros((count, size))
+        self._flown = np.empty((count, steps, size))
+        self._sensed = np.empty((count, steps, model.nsensordata))
         first = model.sensor("air").adr[0]
         self._air = self._sensed[:, -1, first : first + SENSOR.air_w - SENSOR.air_u + 1].T
-        self._given = self.agent.controls(self.count)
-        self._commands, self._until = np.zeros((4, self.count)), np.full(self.count, np.inf)
-        self._actions, self._before = np.zeros((4, self.count)), np.zeros((4, self.count))
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Time since the start of each episode, s, (n,)."""
-        return self.states[:, 0].copy()
-
-    @property
-    def frame(self) -> float:
-        """Time between two actions, s."""
-        return self.setup.frame_skip * float(self.vehicle.model.opt.timestep)
+        self._given = np.tile(self.agent.resting, (count, steps, 1))
+        self._commands, self._until = np.zeros((4, count)), np.full(count, np.nan)
+        self._actions, self._before = np.zeros((4, count)), np.zeros((4, count))
+        self.frame = steps * float(model.opt.timestep)
 
     def close(self) -> None:
         """Stop the threads, and let go of the controller's laws."""
-        self._closed = True
         self._pool.close()
         self._controllers.close()
 
@@ -154,66 +96,39 @@ class Flights:
         randoms: Sequence[np.random.Generator],
         options: Mapping[str, Any] | None = None,
     ) -> list[dict[str, Any]]:
-        """Start new episodes in some rows; return what is new about each.
+        """Start new episodes in some rows; return infos of each; `randoms` are of all helicopters.
 
-        Args:
-            rows: of the helicopters.
-            randoms: of all n helicopters; each draws from its own.
-            options: "motion" -> name of a field of `Motion` -> how far from the trim, in place of
-                a random start; "command" -> four numbers for the whole episode.
-
-        Raises:
-            UnknownNameError: no such option, or field of a motion.
-            InputError: no such numbers.
-            ClosedEnvironmentError: it has been closed.
+        The options are those of `Options`, by name. Raises UnknownNameError or InputError.
         """
-        options = {} if options is None else options
-        if not isinstance(options, Mapping):
-            raise InputError(f"options of reset must be a dict, got {options!r:.60}")
-        for name in options:
-            if name not in OPTIONS:
-                raise UnknownNameError("option of reset", name, OPTIONS)
-        self._refuse_closed()
-        motion, asked = options.get("motion"), options.get("command")
-        if not isinstance(motion, Mapping | None):
-            raise InputError(f"motion must be a dict, such as {{'north': 2.0}}, got {motion!r:.60}")
-        asked = None if asked is None else _four(asked, "a command")
-        infos = [self._reset(row, randoms[row], motion, asked) for row in rows]
-        self._ready = None not in self._episodes
-        return infos
+        given = from_plain(Options, options or {}, "reset")
+        return [self._reset(row, randoms[row], given) for row in rows]
 
-    def _reset(
-        self,
-        row: int,
-        random: np.random.Generator,
-        motion: Mapping[str, float] | None,
-        asked: tuple[float, ...] | None,
-    ) -> dict[str, Any]:
-        start = self._start
-        offsets, weather, seed = start.draw(random)
-        factors = self.spread.draw(random)
-        self._give(row, Episode(factors, weather, seed))
-        self.states[row] = start.state_of(offsets if motion is None else motion, weather, seed)
-        self._commands[:, row] = self._commanded(random) if asked is None else asked
-        every = self.task.interval if asked is None else None
-        self._until[row] = np.inf if every is None else every
-        self._actions[:, row] = self._before[:, row] = 0.0
-        north, east, _ = weather.wind_to
-        return {"wind": np.array([north, east]), "factors": factors}
-
-    def _give(self, row: int, episode: Episode) -> None:
-        """Write an episode into its helicopter's model."""
-        model = self._models[row]
-        model.actuator_user[self._rotor] = self._users[row]
-        self.spread.write(model, episode.factors)
+    def _reset(self, row: int, random: np.random.Generator, given: Options) -> dict[str, Any]:
+        near, seed = self.setup.start.draw(random), int(random.integers(2**31))
+        weather = self.setup.weather
+        weather = weather if isinstance(weather, Weather) else weather.draw(random)
+        factors, model = self.spread.draw(random), self._models[row]
+        par = model.actuator_user[self._rotor]
+        par[:] = self._users[row]
+        self.spread.write(model, factors)
         self.agent.write(model)
-        self._start.write_weather(model, episode.weather, episode.seed)
-        self._episodes[row] = episode
+        model.opt.wind[:] = flip(*weather.wind_to)
+        weather.write(par, self.vehicle, seed=seed)
+        trim = replace(self.vehicle.trim.motion, down=-weather.height)
+        near = near if given.motion is None else asdict(given.motion)
+        moved = {name: getattr(trim, name) + value for name, value in near.items()}
+        write_motion(self.vehicle.model, self._start, replace(trim, **moved))
+        rough = weather.start(self.vehicle, np.random.default_rng(seed))
+        self._start.act[self._rough : self._rough + rough.size] = rough
+        mujoco.mj_getState(self.vehicle.model, self._start, self.states[row], _FULL)
+        self._commands[:, row] = given.command or self._commanded(random)
+        self._until[row] = np.inf if given.command else self.task.interval or np.inf
+        self._actions[:, row] = self._before[:, row] = 0.0
+        return {"wind": np.array(weather.wind_to[:2]), "factors": factors}
 
     def _commanded(self, random: np.random.Generator) -> tuple[float, ...]:
-        """Return a command that the task draws."""
-        what = f"{type(self.task).__name__}.command"
-        return _four(self.task.command(random, self._start.height), what)
+        given = self.task.command(random, self.setup.weather.height)
+        return convert(_COMMAND, given, f"{type(self.task).__name__}.command")
 
     def step(
         self,
@@ -221,34 +136,27 @@ class Flights:
         randoms: Sequence[np.random.Generator],
         started: NDArray[np.bool_] | None = None,
     ) -> Stepped:
-        """Fly on by a frame.
+        """Fly on by a frame, with actions, (n_env, 4), cut off at -1 and 1.
 
-        Args:
-            actions: (n, 4) from -1 to 1; beyond, they are cut off.
-            randoms: of all n helicopters.
-            started: (n,) which have just been reset and stay there, without reward.
-
-        Returns:
-            n observations, rewards and ends, with a row or element each.
-
-        Raises:
-            InputError: actions of another shape, or not numbers.
-            ResetNeeded: a helicopter has never been reset.
-            ClosedEnvironmentError: it has been closed.
+        `randoms` are of all; those `started`, (n_env,), have just been reset and stay, without
+        reward. Raises InputError, or ResetNeeded for one that has never been reset.
         """
-        self._refuse_closed()
-        if not self._ready:
+        given = np.asarray(actions, dtype=np.float64)
+        if given.shape != (self.count, 4) or np.isnan(given).any():
+            raise InputError(
+                f"actions must be ({self.count}, 4) numbers from -1 to 1, got {given.shape}"
+                f"{', some of them nan' if np.isnan(given).any() else ''}"
+            )
+        if np.isnan(self._until).any():
             raise ResetNeeded("no episode has begun: call reset before step")
-        moved = self._checked(actions)
-        kept = None if started is None else self.states[started]
-        self._before, self._actions = self._actions, moved
-        if started is not None:
-            self._actions[:, started] = 0.0
+        started = np.zeros(self.count, dtype=np.bool_) if started is None else started
+        kept = self.states[started]
+        self._before, self._actions = self._actions, np.clip(given.T, -1.0, 1.0)
+        self._actions[:, started] = 0.0
         self.agent.give(self._given, self._actions)
         with installed():
             self.roll()
-        if kept is not None:
-            self.states[started] = kept
+        self.states[started] = kept
         with np.errstate(invalid="ignore", over="ignore"):
             return self._judged(randoms, started)
 
@@ -269,7 +177,7 @@ class Flights:
         np.copyto(self.states, self._flown[:, -1])
 
     def _judged(
-        self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
+        self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_]
     ) -> Stepped:
         situation = self._situation()
         seen = self._observed(situation)
@@ -277,36 +185,27 @@ class Flights:
         motions = situation.motions
         through = motions.body_velocity - self._air
         state = (motions.attitude, motions.rates, motions.position, motions.flapping, through)
-        limits = self._limits.beyond(*(one.T for one in state))
-        beyond: dict[str, NDArray[np.bool_]] = {name: rows for name, _, rows in limits}
-        beyond["distance"] = self.task.lost(situation, seen)
-        finite = np.isfinite(seen)
-        if not finite.all():
-            beyond["finite state"] = np.logical_not(finite.all(axis=0))
-        failed = self._failures()
-        if failed:
-            beyond["controller"] = np.isin(np.arange(self.count), list(failed))
-        terminated: NDArray[np.bool_] = np.zeros(self.count, dtype=np.bool_)
-        for rows in beyond.values():
-            terminated |= rows
-        if started is not None:
-            reward[started], terminated[started] = 0.0, False
-        why = {
-            int(row): next(name for name, rows in beyond.items() if rows[row])
-            for row in np.flatnonzero(terminated)
-        }
-        why.update({row: text for row, text in failed.items() if row in why})
-        if self._renewed(randoms, started):
-            seen = self._observed(situation)
-        if "finite state" in beyond:
-            seen, reward = np.nan_to_num(seen), np.nan_to_num(reward)
-        return Stepped(self._scaled(seen), reward, terminated, why)
-
-    def _failures(self) -> dict[int, str]:
-        """Return how a law of the controller failed since it was last asked, by row."""
-        found = {row: one.failure() for row, one in enumerate(self._laws)}
+        found = self._limits.beyond(*(one.T for one in state))
+        beyond: dict[str, Any] = {name: rows for name, _, rows in found}
+        beyond["distance"] = self._shaped("lost", self.task.lost(situation, seen), (self.count,))
+        beyond["finite state"] = ~np.isfinite(seen).all(axis=0)
+        failures = ((row, law()) for row, law in enumerate(self._laws))
         name = self.vehicle.controller.name
-        return {row: f"controller {name!r} {one.why}" for row, one in found.items() if one}
+        failed = {row: f"controller {name!r} {one.why}" for row, one in failures if one}
+        beyond["controller"] = np.isin(np.arange(self.count), list(failed))
+        terminated = np.any(list(beyond.values()), axis=0) & ~started
+        reward[started] = 0.0
+        why = {
+            row: failed.get(row) or next(name for name, rows in beyond.items() if rows[row])
+            for row in np.flatnonzero(terminated).tolist()
+        }
+        if self.task.interval is not None:
+            due = (self.states[:, 0] > self._until - _EARLY) & ~started
+            for row in np.flatnonzero(due).tolist():
+                self._commands[:, row] = self._commanded(randoms[row])
+                self._until[row] += self.task.interval
+            seen = self._observed(situation) if due.any() else seen
+        return self._scaled(seen), np.nan_to_num(reward), terminated, why
 
     def look(self) -> NDArray[np.float32]:
         """Return what each agent sees now, (n, n_observation)."""
@@ -317,7 +216,6 @@ class Flights:
         return self._shaped("observe", self.task.observe(situation), shape)
 
     def _shaped(self, what: str, given: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        """Return what the task gave. Raises InputError if it has another shape."""
         if np.shape(given) != shape:
             raise InputError(
                 f"{type(self.task).__name__}.{what} must return {shape}, a column for each "
@@ -326,61 +224,9 @@ class Flights:
         return given
 
     def _situation(self) -> Situation:
-        motions = self._reader.read(self.states)
+        motions = Motions.read(self.states, *self._motion_at)
         return Situation(motions, self._commands, self._actions, self._before)
 
     def _scaled(self, seen: NDArray[np.float64]) -> NDArray[np.float32]:
-        scaled = seen * self._scale
-        np.minimum(scaled, BOUND, out=scaled)
-        np.maximum(scaled, -BOUND, out=scaled)
+        scaled = np.clip(np.nan_to_num(seen * self._scale), -BOUND, BOUND)
         return np.ascontiguousarray(scaled.T, dtype=np.float32)
-
-    def _renewed(
-        self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
-    ) -> bool:
-        """Give new commands where they are due; return whether there are any."""
-        if self.task.interval is None:
-            return False
-        due = self.states[:, 0] > self._until - _EARLY
-        if started is not None:
-            due &= ~started
-        for row in np.flatnonzero(due).tolist():
-            self._commands[:, row] = self._commanded(randoms[row])
-            self._until[row] += self.task.interval
-        return bool(due.any())
-
-    def _checked(self, actions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return actions as (4, n) within -1 and 1."""
-        given = np.asarray(actions)
-        if given.shape != (self.count, 4):
-            raise InputError(f"actions must be ({self.count}, 4), got {given.shape}")
-        if given.dtype.kind not in "fiub":
-            raise InputError(f"actions must be numbers from -1 to 1, got {given.dtype}")
-        actions = given.astype(np.float64, copy=False)
-        moved = np.maximum(np.ascontiguousarray(actions.T), -1.0)
-        np.minimum(moved, 1.0, out=moved)
-        if np.isnan(moved).any():
-            rows = np.flatnonzero(np.isnan(moved).any(axis=0)).tolist()
-            raise InputError(f"actions must be numbers from -1 to 1, got nan in rows {rows}")
-        return moved
-
-    def _refuse_closed(self) -> None:
-        if self._closed:
-            raise ClosedEnvironmentError("the environment has been closed: make another")
-
-
-def _workers(model: mujoco.MjModel, threads: int) -> tuple[list[mujoco.MjData], Rollout]:
-    """Return memory for each thread and a pool of them; one alone is the caller's own."""
-    pool = Rollout(nthread=0 if threads == 1 else threads)
-    return [mujoco.MjData(model) for _ in range(threads)], pool
-
-
-def _four(given: Any, what: str) -> tuple[float, ...]:
-    """Return four finite numbers. Raises InputError."""
-    try:
-        numbers = tuple(float(number) for number in given)
-    except (TypeError, ValueError):
-        numbers = ()
-    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{what} needs four finite numbers, got {given!r:.60}")
-    return numbers

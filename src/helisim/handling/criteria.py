@@ -1,12 +1,7 @@
-"""Criteria of handling qualities and of stability: what is asked of a loop, by which source.
-
-A criterion asks a `Loop` for the responses that it needs, computes its `figures` and says which
-level they are and how far from the border of Level 1. An own one derives from `Criterion`.
-"""
+"""Criteria of handling qualities and of stability, with their sources."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,57 +9,35 @@ from helisim.base.errors import InputError
 from helisim.base.settings import FrozenMap, setting
 from helisim.base.units import DB_PER_NEPER, RAD_PER_DEG
 from helisim.handling import figures
-from helisim.handling.chart import (
-    Border,
-    Chart,
-    ChartAxis,
-    ChartLine,
-    Level,
-    Limit,
-    Region,
-    beyond,
-    box,
-)
 from helisim.handling.criterion import WHOLE, Criterion, Rating
-from helisim.handling.loop import Loop, NoResponse, axis_of
+from helisim.handling.limit import Limit
+from helisim.handling.loop import PLACES, Loop, NoResponse, axis_of
 
 __all__ = [
-    "ActuatorOnset",
     "ActuatorUse",
     "AttitudeBandwidth",
-    "AttitudeHold",
     "AttitudeQuickness",
-    "Border",
     "Coupling",
     "Criterion",
     "Crossover",
-    "CrossoverOrder",
     "Damping",
-    "DiskMargin",
     "DisturbanceRejection",
     "Limit",
     "LoadRejection",
-    "NicholsExclusion",
     "PoleLimits",
     "Rating",
     "StabilityMargins",
 ]
 
-PEAK = Limit(5.0, 8.0)
-"""dB, of disturbance rejection."""
+
+_NO_CROSSOVER = "the gain does not fall through one in its band"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityMargins(Criterion):
-    """Gain and phase margin of a broken loop, all others closed.
+    """Gain margin, dB, and phase margin, rad, to either side of a loop broken `at`."""
 
-    Attributes:
-        at: where the loop is cut, as in `Loop.broken`.
-        gain: dB, of the margin of gain to either side.
-        phase: rad, of the margin of phase to either side.
-    """
-
-    at: str = "actuators"
+    at: str = setting("actuators", choices=PLACES)
     gain: Limit = Limit(6.0, 3.0)
     phase: Limit = Limit(45.0 * RAD_PER_DEG, 22.5 * RAD_PER_DEG)
 
@@ -81,126 +54,21 @@ class StabilityMargins(Criterion):
         """Return margins and crossover; see `figures.margins`."""
         found = figures.margins(loop.broken(self.axis, self.at))
         gain, phase = found.least_gain, found.least_phase
-        remarks = []
-        if not found.crosses:
-            remarks.append("the gain does not fall through one in its band: crossover is extended")
-        if abs(gain) == found.open_gain:
-            remarks.append("-180 deg lies outside of the band: the gain margin is extended")
         values = {"gain_margin": gain, "phase_margin": phase, "crossover": found.crossover}
-        return self.rated(values, remark="; ".join(remarks))
-
-    def _axes(self) -> tuple[Any, ...]:
-        return (
-            f"Stability margins, {self.word}, cut at {self.at}",
-            ChartAxis("gain_margin", "gain margin", "dB", 0.0, 20.0),
-            ChartAxis("phase_margin", "phase margin", "rad", 0.0, np.pi / 2.0),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class NicholsExclusion(Criterion):
-    """How far a broken loop stays from -1 in gain and phase at once.
-
-    Attributes:
-        at: where the loop is cut, as in `Loop.broken`.
-        gain: dB, half the height of Level 1's zone.
-        phase: rad, half its width.
-        shape: "hexagon" (its upright sides half as high as its tips) or "ellipse".
-        size: of the zone that the loop touches, over that of Level 1's.
-    """
-
-    at: str = "actuators"
-    gain: float = setting(6.0, above=0.0)
-    phase: float = setting(45.0 * RAD_PER_DEG, above=0.0)
-    shape: str = setting("hexagon", choices=("hexagon", "ellipse"))
-    size: Limit = Limit(1.0, 0.5)
-
-    name = "nichols_exclusion"
-    source = (
-        "the zone is made of the margins of SAE AS94900, 6 dB and 45 deg; its shape after the "
-        "exclusion zones of Fielding, Varga, Bennani and Selier (eds.), Advanced Techniques for "
-        "Clearance of Flight Control Laws, Springer, 2002, and half of it ends Level 2, both a "
-        "choice of ours"
-    )
-    angles = ("phase",)
-    units = FrozenMap({"size": "", "frequency": "rad/s"})
-    borders = FrozenMap({"size": ("size", 0)})
-
-    @property
-    def gauge(self) -> figures.Gauge:
-        """The zone; see `figures.hexagon`."""
-        made = figures.hexagon if self.shape == "hexagon" else figures.ellipse
-        return made(self.gain, self.phase)
-
-    def rate(self, loop: Loop) -> Rating:
-        """Return the zone that the loop touches, and where it does."""
-        found = figures.approach(loop.broken(self.axis, self.at), self.gauge)
-        return self.rated({"size": found.size, "frequency": found.frequency})
-
-    def chart(self) -> Chart:
-        """Return the zones of Levels 1 and 2 on a Nichols chart."""
-        across = ChartAxis("", "phase", "rad", -2.0 * np.pi, 0.0)
-        up = ChartAxis("", "gain", "dB", -30.0, 30.0)
-        turn = np.linspace(0.0, 2.0 * np.pi, 73)[:-1]
-        x, y = np.sin(turn), np.cos(turn)
-        if self.shape == "hexagon":
-            x, y = np.array([[0.0, 1, 1, 0, -1, -1], [1.0, 0.5, -0.5, -1, -0.5, 0.5]])
-        levels: tuple[tuple[Level, float], ...] = ((2, self.size.level1), (3, self.size.level2))
-        zones = [
-            Region(level, -np.pi + size * self.phase * x, size * self.gain * y)
-            for level, size in levels
-        ]
-        title = f"Nichols exclusion zone, {self.word}, cut at {self.at}"
-        return Chart(title, across, up, (_EVERYWHERE, *zones), source=self.source)
-
-
-_EVERYWHERE = box(1, -np.inf, np.inf, -np.inf, np.inf)
-"""The whole chart; another region on it holds where it is worse."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DiskMargin(Criterion):
-    """Gain and phase changing at once: the disk margin of a broken loop.
-
-    Attributes:
-        at: where the loop is cut, as in `Loop.broken`.
-        skew: 0: changes to either side alike; see `figures.disk_margin`.
-        alpha: size of the disk; 0.5 allows 4.4 dB, or 28 deg.
-    """
-
-    at: str = "actuators"
-    skew: float = 0.0
-    alpha: Limit = Limit(0.5, 0.25)
-
-    name = "disk_margin"
-    source = (
-        "Seiler, Packard and Gahinet, An Introduction to Disk Margins, IEEE Control Systems "
-        "Magazine 40 (5), 2020; the borders are a choice of ours"
-    )
-    units = FrozenMap({"alpha": "", "gain": "dB", "phase": "rad", "frequency": "rad/s"})
-    borders = FrozenMap({"alpha": ("alpha", 0)})
-
-    def rate(self, loop: Loop) -> Rating:
-        """Return the disk, what it allows of gain and of phase alone, and where it is met."""
-        found = figures.disk_margin(loop.broken(self.axis, self.at), skew=self.skew)
-        return self.rated({name: getattr(found, name) for name in self.units})
-
-    def _axes(self) -> tuple[Any, ...]:
-        axis = ChartAxis("alpha", "disk margin", "", 0.0, 2.0)
-        return f"Disk margin, {self.word}, cut at {self.at}", axis
+        remarks = {
+            f"{_NO_CROSSOVER}: crossover is extended": not found.crosses,
+            "-180 deg lies outside of the band: the gain margin is extended": (
+                abs(gain) == found.open_gain
+            ),
+        }
+        return self.rated(values, remarks=remarks)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crossover(Criterion):
-    """The highest frequency at which the gain of a broken loop falls through one.
+    """Highest frequency, rad/s, at which the gain of a loop, broken `at`, falls through one."""
 
-    Attributes:
-        at: where the loop is cut, as in `Loop.broken`.
-        frequency: rad/s. Level 1 above Level 2 asks for a fast loop; below it, for one that
-            doesn't pay for speed, as an objective does.
-    """
-
-    at: str = "actuators"
+    at: str = setting("actuators", choices=PLACES)
     frequency: Limit
 
     name = "crossover"
@@ -214,61 +82,20 @@ class Crossover(Criterion):
     def rate(self, loop: Loop) -> Rating:
         """Return the crossover, continued beyond the band."""
         found = figures.margins(loop.broken(self.axis, self.at))
-        remark = "" if found.crosses else "the gain does not fall through one in its band: extended"
-        return self.rated({"crossover": found.crossover}, remark=remark)
-
-    def _axes(self) -> tuple[Any, ...]:
-        limit = self.frequency.scaled(self.faster)
-        top = 2.0 * max(limit.level1, limit.level2)
-        axis = ChartAxis("crossover", "crossover frequency", "rad/s", 0.0, top)
-        return f"Crossover, {self.word}, cut at {self.at}", axis
+        remarks = {f"{_NO_CROSSOVER}: extended": not found.crosses}
+        return self.rated({"crossover": found.crossover}, remarks=remarks)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CrossoverOrder(Criterion):
-    """How near a broken loop is to K/s around its crossover.
-
-    Attributes:
-        at: where the loop is cut, as in `Loop.broken`.
-        span: the line is fitted from crossover / span to crossover * span.
-        departure: of the order from 1, to either side.
-    """
-
-    at: str = "actuators"
-    span: float = setting(2.0, above=1.0)
-    departure: Limit = Limit(0.5, 1.0)
-
-    name = "crossover_order"
-    source = (
-        "McRuer and Jex, A Review of Quasi-Linear Pilot Models, IEEE Transactions on Human "
-        "Factors in Electronics 8 (3), 1967: K/s about crossover; the borders are a choice of ours"
-    )
-    units = FrozenMap({"order": "", "departure": "", "crossover": "rad/s"})
-    borders = FrozenMap({"departure": ("departure", 0)})
-
-    def rate(self, loop: Loop) -> Rating:
-        """Return the slope over -20 dB a decade, and how far it is from 1."""
-        broken = loop.broken(self.axis, self.at)
-        middle = figures.margins(broken).crossover
-        order = figures.slope_order(broken, middle, span=self.span)
-        return self.rated({"order": order, "departure": abs(order - 1.0), "crossover": middle})
-
-    def _axes(self) -> tuple[Any, ...]:
-        axis = ChartAxis("departure", "departure of the order from 1", "", 0.0, 2.0)
-        return f"Slope at crossover, {self.word}, cut at {self.at}", axis
+_REJECTION = {"lat": 0.9, "lon": 0.5, "ped": 0.7, "col": 1.0}
+"""rad/s, Level 1's disturbance rejection bandwidth at full scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceRejection(Criterion):
-    """How fast a disturbance of attitude is brought back, and how much is amplified.
-
-    Attributes:
-        bandwidth: rad/s, of DRB; None: of the axis, by the source.
-        peak: dB, of DRP.
-    """
+    """Disturbance rejection bandwidth (DRB), rad/s, by default the source's, and peak (DRP), dB."""
 
     bandwidth: Limit | None = None
-    peak: Limit = PEAK
+    peak: Limit = Limit(5.0, 8.0)
 
     name = "disturbance_rejection"
     source = (
@@ -281,44 +108,24 @@ class DisturbanceRejection(Criterion):
     borders = FrozenMap({"drb": ("bandwidth", 1), "drp": ("peak", 0)})
     better = FrozenMap({"bandwidth": "more"})
 
-    def _border(self, name: str) -> Limit | Border | None:
-        usual = {"lat": 0.9, "lon": 0.5, "ped": 0.7, "col": 1.0}[self.axis]
+    def _border(self, name: str) -> Limit | None:
+        usual = _REJECTION[self.axis]
         return getattr(self, name) or Limit(usual, 0.5 * usual)
 
     def rate(self, loop: Loop) -> Rating:
         """Return DRB and DRP; see `figures.rejection`."""
         found = figures.rejection(loop.disturbance(self.axis))
-        remark = "|S| rises through -3 dB outside of its band: DRB is extended"
+        remarks = {"|S| rises through -3 dB outside of its band: DRB is extended": not found.seen}
         values = (found.bandwidth, found.peak, found.peak_frequency)
-        return self.rated(dict(zip(self.units, values)), remark="" if found.seen else remark)
-
-    def _axes(self) -> tuple[Any, ...]:
-        words, limit = "disturbance rejection", self.limits["drb"]
-        assert isinstance(limit, Limit)
-        return (
-            f"Disturbance rejection, {self.word}",
-            ChartAxis("drb", f"{words} bandwidth", "rad/s", 0.0, 4.0 * limit.level1),
-            ChartAxis("drp", f"{words} peak", "dB", 0.0, 10.0),
-        )
+        return self.rated(dict(zip(self.units, values)), remarks=remarks)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadRejection(Criterion):
-    """How far a slow load turns the vehicle: a disturbance that is added to a servo command.
+    """How far a slow load on the servo command of axis `by` (by default its own) turns the vehicle.
 
-    Disturbance rejection bandwidth says where the loop begins to reject, not how much it does: a
-    loop whose gain stays near one for a decade has a high bandwidth, and gives way to gusts.
-
-    Attributes:
-        low: rad/s, of the slowest load.
-        high: rad/s, of the fastest.
-        turned: dB of rad, or in heave of m/s, a unit of command: the most that is turned.
-        by: axis whose command is disturbed; its own where it is empty. A rotor turns what is done
-            to one axis into another.
-
-    Raises:
-        InputError: not 0 < low < high, or Level 1 ends above Level 2.
-        UnknownNameError: there is no such axis.
+    `turned` limits the most from `low` to `high`, rad/s: dB of rad (heave: m/s) a unit of command.
+    Raises InputError unless 0 < low < high and less is better, UnknownNameError of an axis.
     """
 
     low: float = 0.3
@@ -343,11 +150,11 @@ class LoadRejection(Criterion):
 
     @property
     def band(self) -> tuple[float, float]:
-        """Of the loads, scaled, rad/s."""
+        """Band of the loads, scaled, rad/s."""
         return self.low * self.faster, self.high * self.faster
 
     def rate(self, loop: Loop) -> Rating:
-        """Return the most that loads turn the vehicle, and at which frequency."""
+        """Return the most that loads turn the vehicle, and the frequency."""
         seen, (low, high) = loop.turned(self.axis, self.by), self.band
         there = (seen.frequency >= low) & (seen.frequency <= high)
         if not (seen.frequency[0] <= low and high <= seen.frequency[-1] and there.any()):
@@ -361,42 +168,27 @@ class LoadRejection(Criterion):
         turned = DB_PER_NEPER * math.log(max(float(size[most]), 1e-12))  # less turns nothing
         return self.rated({"turned": turned, "frequency": float(seen.frequency[there][most])})
 
-    def _axes(self) -> tuple[Any, ...]:
-        label = f"angle a unit of command on {axis_of(self.by).word}"
-        ends = self.turned.level1 - 20.0, self.turned.level2 + 10.0
-        return f"Loads, {self.word}", ChartAxis("turned", label, "dB", *ends)
 
-
-TASKS = {
+TASKS = {  # task -> axis -> bandwidth, rad/s, at full scale: ADS-33E-PRF, hover and low speed
     "target_acquisition": {"lon": Limit(2.0, 1.0), "lat": Limit(2.5, 1.0), "ped": Limit(3.5, 2.0)},
     "other": {"lon": Limit(1.0, 0.5), "lat": Limit(1.0, 0.5), "ped": Limit(2.0, 0.5)},
     "other_divided": {"lon": Limit(2.0, 0.5), "lat": Limit(2.0, 0.5), "ped": Limit(2.0, 0.5)},
 }
-"""Task -> axis -> bandwidth, rad/s, of a full-scale helicopter in hover and at low speed:
-target acquisition and tracking; all others with full attention and a usable cue environment of 1;
-all others with divided attention or worse cues."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AttitudeBandwidth(Criterion):
-    """How quickly an attitude follows small inputs of the stick, and how its lag goes on growing.
+    """Bandwidth, rad/s, and phase delay, s, of an attitude's answer to small inputs of the stick.
 
-    Attributes:
-        task: "target_acquisition", "other" or "other_divided", as in ADS-33.
-        command: what the stick commands: "attitude" counts the bandwidth of phase alone, "rate"
-            the lesser of those of phase and gain. None: attitude in roll and pitch, rate in yaw.
-        bandwidth: rad/s; None: of the task and axis.
-        delay: s, of phase delay.
-        fit: phase delay by least squares, as the standard asks if phase isn't straight.
-        sign: -1 if the angle answers a positive stick by falling.
+    `task` "other_divided" is divided attention or worse cues, as in ADS-33. `command` "attitude"
+    counts the phase bandwidth, "rate" the lesser of phase and gain; None: attitude in roll and
+    pitch, rate in yaw. `bandwidth` None is that of the task and axis.
     """
 
     task: str = setting("other", choices=TASKS)
     command: str | None = setting(None, choices=("attitude", "rate"))
     bandwidth: Limit | None = None
     delay: Limit = Limit(0.2, 0.3)
-    fit: bool = False
-    sign: int = setting(1, choices=(1, -1))
 
     name = "attitude_bandwidth"
     source = (
@@ -424,31 +216,24 @@ class AttitudeBandwidth(Criterion):
                 "roll, pitch or yaw"
             )
 
-    def _border(self, name: str) -> Limit | Border | None:
+    def _border(self, name: str) -> Limit | None:
         return getattr(self, name) or TASKS[self.task].get(self.axis)
 
     def rate(self, loop: Loop) -> Rating:
         """Return bandwidths, phase delay and the frequency of -180 deg."""
-        found = figures.bandwidth(loop.command(self.axis), fit=self.fit, sign=self.sign)
+        found = figures.bandwidth(loop.command(self.axis))
         attitude = (self.command or ("rate" if self.axis == "ped" else "attitude")) == "attitude"
         counted = found.phase if attitude else found.rate
-        remarks = []
-        if not found.complete:
-            remarks.append("the response ends before all is seen: what is missing was continued")
-        if attitude and found.gain < found.phase:
-            remarks.append("the gain's bandwidth is below the phase's: look for oscillations")
         values = (counted, found.delay, found.phase, found.gain, found.neutral)
-        return self.rated(dict(zip(self.units, values)), remark="; ".join(remarks))
-
-    def _axes(self) -> tuple[Any, ...]:
-        least, most = self.limits["bandwidth"], self.limits["phase_delay"]
-        assert isinstance(least, Limit)
-        assert isinstance(most, Limit)
-        return (
-            f"Bandwidth, {self.word}, {self.task.replace('_', ' ')}",
-            ChartAxis("bandwidth", "bandwidth", "rad/s", 0.0, 3.0 * least.level1),
-            ChartAxis("phase_delay", "phase delay", "s", 0.0, 1.5 * most.level2),
-        )
+        remarks = {
+            "the response ends before all is seen: what is missing was continued": (
+                not found.complete
+            ),
+            "the gain's bandwidth is below the phase's: look for oscillations": (
+                attitude and found.gain < found.phase
+            ),
+        }
+        return self.rated(dict(zip(self.units, values)), remarks=remarks)
 
 
 _QUICKNESS = {
@@ -468,25 +253,21 @@ _QUICKNESS = {
         (0.595, 0.564, 0.533, 0.497, 0.466, 0.425),
     ),
 }
-"""Axis -> least change of attitude, degree, and the borders of quickness along it, 1/s, of a
-full-scale helicopter."""
+"""Axis -> least change of attitude, deg, and borders of quickness there, 1/s, at full scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AttitudeQuickness(Criterion):
-    """The peak rate over the peak change of an attitude, by a step of the stick or a pulse.
+    """Peak rate over peak change of an attitude, by a step of the stick or a pulse.
 
-    Attributes:
-        change: rad, of attitude; less if all of the stick doesn't reach it.
-        size: unitised stick: 0.5 is all of it to one side.
-        duration: s, that is looked at, of a full-scale helicopter.
-        border: quickness along the least change after the peak; None: of the axis.
+    `change`, rad, is less if the whole stick, `size`, unitised (0.5: all to one side), doesn't
+    reach it; of a rating's criterion the least change after the peak, where levels are read.
+    `duration`, s at full scale, is looked at.
     """
 
     change: float = setting(20.0 * RAD_PER_DEG, above=0.0)
     size: float = setting(0.5, above=0.0)
     duration: float = setting(5.0, above=0.0)
-    border: Border | None = None
 
     name = "attitude_quickness"
     source = (
@@ -500,19 +281,15 @@ class AttitudeQuickness(Criterion):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.border is None and self.axis not in _QUICKNESS:
-            raise InputError(
-                f"ADS-33 has no quickness of {self.word}: give a border, or rate roll, pitch or yaw"
-            )
+        if self.axis not in _QUICKNESS:
+            raise InputError(f"ADS-33 has no quickness of {self.word}: rate roll, pitch or yaw")
 
-    def _border(self, name: str) -> Limit | Border | None:
-        if self.border is not None:
-            return self.border
-        along, one, two = _QUICKNESS[self.axis]
-        return Border(tuple(angle * RAD_PER_DEG for angle in along), one, two)
+    def _border(self, name: str) -> Limit:
+        along, *levels = _QUICKNESS[self.axis]
+        return Limit(*(float(np.interp(self.change / RAD_PER_DEG, along, one)) for one in levels))
 
     def rate(self, loop: Loop) -> Rating:
-        """Return the quickness, and the changes of attitude that it is of."""
+        """Return the quickness, with the least and peak change of attitude."""
         seen = loop.step(self.axis, size=self.size, duration=self.duration / self.faster)
         one = axis_of(self.axis)
         angle, rate = (seen.signals.get(name or "") for name in (one.angle, one.rate))
@@ -520,64 +297,14 @@ class AttitudeQuickness(Criterion):
             raise NoResponse(f"a step of {self.axis} shows no {one.angle} and {one.rate}")
         found = figures.changed(seen.time, angle, rate, change=self.change)
         values = {"quickness": found.ratio, "least": found.least, "peak": found.peak}
-        return self.rated(values, along=found.least)
-
-    def _axes(self) -> tuple[Any, ...]:
-        border = self.limits["quickness"]
-        assert isinstance(border, Border)
-        return (
-            f"Attitude quickness, {self.word}",
-            ChartAxis("least", "least change of attitude", "rad", 0.0, border.along[-1]),
-            ChartAxis("quickness", "quickness", "1/s", 0.0, 2.0 * max(border.level1)),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class AttitudeHold(Criterion):
-    """The time after which a disturbed attitude stays within a share of the disturbance.
-
-    Attributes:
-        share: of the disturbance, such as 0.1.
-        time: s.
-    """
-
-    share: float = setting(0.1, above=0.0, below=1.0)
-    time: Limit = Limit(10.0, 20.0)
-
-    name = "attitude_hold"
-    source = (
-        "ADS-33E-PRF, 3.2.7: back within 10 percent of the peak in 20 s, or in 10 s where cues "
-        "are poor, after a pulse into the actuator. Here after a step of the attitude's "
-        "disturbance, which has the same modes; that 20 s ends Level 2 is a choice of ours"
-    )
-    units = FrozenMap({"time": "s"})
-    borders = FrozenMap({"time": ("time", -1)})
-
-    @property
-    def _longest(self) -> float:
-        limit = self.time.scaled(1.0 / self.faster)
-        return 1.5 * max(limit.level1, limit.level2)
-
-    def rate(self, loop: Loop) -> Rating:
-        """Return the time; see `figures.held`."""
-        seen = loop.disturbance(self.axis)
-        return self.rated({"time": figures.held(seen, share=self.share, longest=self._longest)})
-
-    def _axes(self) -> tuple[Any, ...]:
-        axis = ChartAxis("time", f"time to within {self.share:.0%}", "s", 0.0, self._longest)
-        return f"Attitude hold, {self.word}", axis
+        return replace(self, change=max(found.least, 1e-6)).rated(values)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Coupling(Criterion):
-    """What a step of one stick does to another attitude.
+    """Peak of attitude `onto` within `after`, s at full scale, over the commanded attitude then.
 
-    Attributes:
-        axis: whose stick.
-        onto: the other axis.
-        size: unitised stick.
-        after: s, of a full-scale helicopter.
-        ratio: peak of the other attitude within that time over the commanded one at its end.
+    By a step of the stick of `axis`, of `size`, unitised.
     """
 
     onto: str = ""
@@ -610,22 +337,10 @@ class Coupling(Criterion):
         found = figures.coupling(seen.time, seen.signals[own], seen.signals[other], after=after)
         return self.rated({"ratio": found})
 
-    def _axes(self) -> tuple[Any, ...]:
-        other = axis_of(self.onto).word
-        axis = ChartAxis("ratio", f"{other} over {self.word}", "", 0.0, 1.0)
-        return f"Coupling of {self.word} onto {other}", axis
-
 
 @dataclass(frozen=True, kw_only=True)
 class Damping(Criterion):
-    """The damping ratio of the least damped pole within a band of natural frequencies.
-
-    Attributes:
-        axis: "all": it is of the whole loop, whatever stands here.
-        low: rad/s, of the band, of a full-scale helicopter.
-        high: rad/s, likewise.
-        ratio: its borders.
-    """
+    """Damping ratio of the loop's least damped pole from `low` to `high`, rad/s at full scale."""
 
     axis: str = WHOLE
     low: float = setting(0.5, low=0.0)
@@ -641,113 +356,36 @@ class Damping(Criterion):
     borders = FrozenMap({"damping": ("ratio", 0)})
 
     def rate(self, loop: Loop) -> Rating:
-        """Return the damping ratio and the natural frequency of the pole."""
+        """Return the pole's damping ratio and natural frequency."""
         band = {"low": self.low * self.faster, "high": self.high * self.faster}
         return self.rated(figures.least_damped(loop.poles, **band)._asdict())
-
-    def _axes(self) -> tuple[Any, ...]:
-        return f"Damping, {self.word}", ChartAxis("damping", "damping ratio", "", -0.2, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PoleLimits(Criterion):
-    """How far right, and if asked how far out, the poles may lie.
-
-    Attributes:
-        axis: "all": it is of the whole loop, whatever stands here.
-        low: rad/s, of natural frequencies that count, of a full-scale helicopter: what is slower
-            is left to the pilot or to an outer loop.
-        growth: 1/s, of the real part: integrals stand at 0, but for rounding; a double amplitude
-            in 14 s ends Level 2.
-        fastest: rad/s, of the natural frequency; None: no limit. Of the law's sampling, so not
-            scaled.
-    """
+    """The greatest real part of the whole loop's poles, `growth`, 1/s; 0.05: doubled in 14 s."""
 
     axis: str = WHOLE
-    low: float = setting(0.0, low=0.0)
     growth: Limit = Limit(1e-3, 0.05)
-    fastest: Limit | None = None
 
     name = "pole_limits"
     source = (
         "a stable loop: ADS-33E-PRF, 3.3.2.3, and MIL-DTL-9490E; the borders are a choice of ours"
     )
-    units = FrozenMap({"growth": "1/s", "fastest": "rad/s"})
-    borders = FrozenMap({"growth": ("growth", 1), "fastest": ("fastest", 0)})
+    units = FrozenMap({"growth": "1/s"})
+    borders = FrozenMap({"growth": ("growth", 1)})
 
     def rate(self, loop: Loop) -> Rating:
-        """Return the greatest real part and the highest natural frequency."""
-        poles = loop.poles
-        growth = figures.slowest(poles, low=self.low * self.faster)
-        return self.rated({"growth": growth, "fastest": float(np.abs(poles).max(initial=0.0))})
-
-    def _axes(self) -> tuple[Any, ...]:
-        axis = ChartAxis("growth", "greatest real part of a pole", "1/s", -2.0, 1.0)
-        return f"Poles, {self.word}", axis
-
-
-_EXCESS = np.concatenate([[1.0], np.geomspace(1.05, 40.0, 60)])
-_LIMITED = -1.0 / figures.limited(_EXCESS)
-_PHASE = np.maximum.accumulate(np.angle(-_LIMITED))
-_GAIN = np.maximum.accumulate(20.0 * np.log10(np.abs(_LIMITED)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ActuatorOnset(Criterion):
-    """The open loop onset point: how the loop stands where a stick meets the actuator's rate limit.
-
-    Attributes:
-        amplitude: of the stick, unitised: 0.5 is all of it.
-        rate_limit: of the servo's command, unitised, a second.
-        margin: dB, by which the point is below the border.
-    """
-
-    amplitude: float = setting(0.5, above=0.0)
-    rate_limit: float = setting(above=0.0)
-    margin: Limit = Limit(0.0, -6.0)
-
-    name = "actuator_onset"
-    source = (
-        "Duda, Prediction of Pilot-in-the-Loop Oscillations Due to Rate Saturation, Journal of "
-        "Guidance, Control, and Dynamics 20 (3), 1997, of the point. The border is where the rate "
-        "limit's describing function, -1/N, could hold an oscillation; the paper's own border "
-        "could not be read. That 6 dB above ends Level 2 is a choice of ours"
-    )
-    units = FrozenMap({"margin": "dB", "frequency": "rad/s", "phase": "rad", "gain": "dB"})
-    borders = FrozenMap({"margin": ("margin", 0)})
-
-    def rate(self, loop: Loop) -> Rating:
-        """Return the point, and how far it is below the border."""
-        limits = {"amplitude": self.amplitude, "rate_limit": self.rate_limit}
-        found = figures.onset(loop.broken(self.axis), loop.actuator(self.axis), **limits)
-        below = float(np.interp(found.phase, _PHASE, _GAIN)) - found.gain
-        remark = "" if found.reached else "the rate limit is not met: the worst frequency counts"
-        values = (below, found.frequency, found.phase - np.pi, found.gain)
-        return self.rated(dict(zip(self.units, values)), remark=remark)
-
-    def chart(self) -> Chart:
-        """Return the border on a Nichols chart."""
-        across = ChartAxis("phase", "phase", "rad", -np.pi, -0.5 * np.pi)
-        up = ChartAxis("gain", "gain", "dB", -20.0, 20.0)
-        x = np.concatenate([[-2.0 * np.pi], _PHASE - np.pi, [0.0]])
-        ends = [_GAIN - limit for limit in (self.margin.level1, self.margin.level2)]
-        lines = [ChartLine(x, np.concatenate([y[:1], y, y[-1:]])) for y in ends]
-        levels = [beyond(level, x, one.up, np.inf) for level, one in zip((2, 3), lines)]
-        title = f"Open loop onset point, {self.word}"
-        return Chart(title, across, up, (_EVERYWHERE, *levels), tuple(lines), self.source)
+        """Return the greatest real part."""
+        return self.rated({"growth": float(loop.poles.real.max(initial=-1e9))})
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorUse(Criterion):
-    """How much of its travel and of its rate an actuator uses while attitude is disturbed.
+    """Rms of an actuator's position over its travel, of its rate over its limit, in a disturbance.
 
-    Attributes:
-        rms: rad, of the disturbance: white noise behind two equal lags.
-        corner: rad/s, of the lags, of a full-scale helicopter.
-        travel: of the servo's command to either side, unitised.
-        rate_limit: of the servo's command, unitised, a second.
-        position: rms of position over travel: at a third the limit is met at three deviations.
-        rate_share: rms of rate over rate limit, likewise.
+    That of attitude is white noise of `rms`, rad, behind two equal lags at `corner`, rad/s at full
+    scale. `travel` to either side and `rate_limit`, a second, are unitised.
     """
 
     rms: float = setting(1.0 * RAD_PER_DEG, above=0.0)
@@ -772,10 +410,3 @@ class ActuatorUse(Criterion):
         moved = loop.actuator(self.axis, by="disturbance")
         position, rate = figures.motion(moved, rms=self.rms, corner=self.corner * self.faster)
         return self.rated({"position": position / self.travel, "rate": rate / self.rate_limit})
-
-    def _axes(self) -> tuple[Any, ...]:
-        return (
-            f"Actuator use, {self.word}",
-            ChartAxis("position", "rms of position over travel", "", 0.0, 1.0),
-            ChartAxis("rate", "rms of rate over its limit", "", 0.0, 1.0),
-        )

@@ -1,12 +1,9 @@
-"""From flight records to identified models, by the frequency-response method.
-
-Knows no simulator: a real flight log is identified by the same calls.
-"""
+"""From flight records to identified models, by the frequency-response method."""
 
 from helisim.ident import blocks, structures
 from helisim.ident.ardupilot import ArduPilotModel
 from helisim.ident.diagnosis import Misfit
-from helisim.ident.fit import Reduction, identify, reduce
+from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import (
     ClosedLoopWarning,
@@ -15,7 +12,7 @@ from helisim.ident.frf import (
     frequency_response,
 )
 from helisim.ident.modes import Mode, Modes
-from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse, load_response
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.structure import Parameter, Structure, in_series
 from helisim.ident.trials import suspicions
@@ -35,7 +32,6 @@ __all__ = [
     "Modes",
     "Parameter",
     "RecordQualityWarning",
-    "Reduction",
     "Structure",
     "Verification",
     "blocks",
@@ -43,8 +39,6 @@ __all__ = [
     "identify",
     "in_series",
     "load_fit",
-    "load_response",
-    "reduce",
     "structures",
     "suspicions",
     "verify",

@@ -1,30 +1,8 @@
-"""Computes how well a fit determines its parameters: Cramér-Rao bounds, insensitivities, errors.
+"""Accuracy of a fit's parameters: Cramér-Rao bounds, insensitivities, standard errors.
 
-With H the Hessian of the summed cost J (second derivatives, so 2 J_r^T J_r for residuals r):
-
-    CR_i = 2 sqrt((H^-1)_ii)   the bound, with Tischler and Remple's factor 2 for real data
-    I_i  = 1 / sqrt(H_ii)      change that raises the cost by as much with all others held
-
-Both assume unit residual noise. J printed in a fit is the average over responses; these
-figures use the sum, as Tischler and Remple's do.
-
-Standard errors are stated from the errors of the response. With A = (J^T J)^-1 J^T of the
-residuals that the fit minimised, and S the covariance that the response's errors give those
-residuals (`scatter`), the parameters' covariance is
-
-    A S A^T .
-
-So neighbouring frequencies that share windows do not count twice. What a structure can't follow
-is not in it: that is the same in every record, so a fit says it apart (`Misfit`), by the ratio
-
-    s^2 = r^T r / E[r^T r]
-
-of what was left to what noise leaves. Where S is not known, residuals are taken as independent
-with the variance that the fit left over.
-
-Known parameters that have an error, such as a servo's from a bench, add what it makes of the
-others: a change dk of a known one moves the minimum by -A J_k dk, with J_k the residuals'
-derivatives by it.
+With H = 2 J^T J and unit noise, CR_i = 2 sqrt((H^-1)_ii), I_i = 1 / sqrt(H_ii) (Tischler, Remple).
+With A = (J^T J)^-1 J^T of residuals r with covariance S (`scatter`; unknown: independent), the
+parameters' covariance is A S A^T without misfit (`Misfit`); a known one's error dk adds -A J_k dk.
 """
 
 from dataclasses import dataclass
@@ -34,33 +12,20 @@ from numpy.typing import NDArray
 
 from helisim.ident.cost import Cost
 
-_NULL = 1e-13
-"""A direction of the scaled Hessian with a smaller eigenvalue is not seen in the data."""
-_FAINT = 1e-6
-"""A parameter whose change by its own size moves all residuals by less, in dB, is not seen: what
-is left of its derivative is rounding, whose errors would be anything."""
-_FARTHEST = 1e9
-"""A size is believed up to so many times the order of magnitude that the structure states: far
-enough for coefficients of high order; one that only rounding sees runs to 1e16."""
-
+_NULL = 1e-13  # least eigenvalue of the scaled Hessian for a direction to be seen
+_FAINT = 1e-6  # dB: a parameter that moves all residuals by less is not seen
+_FARTHEST = 1e9  # largest value, in its orders of magnitude, for a parameter to be seen
 Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Accuracy of the free parameters, in their units.
+    """Accuracy of the free parameters, in their units; infinite for unseen ones.
 
-    Attributes:
-        cramer_rao: (n_free,) CR_i; infinite where the data do not see the parameter.
-        insensitivity: (n_free,) I_i.
-        covariance: (n_free, n_free) of the parameters' errors, whose diagonal is the squared
-            standard errors; infinite there where the data do not see the parameter.
-        carried: (n_free, n_known) by how much a parameter errs for one standard error of each
-            known one that has any.
-        correlation: (n_free, n_free), from the Hessian, as CIFER's.
-        noise: (2 n_point,) variances of the relative errors, real then imaginary parts, that
-            noise leaves after the fit; None where the response's errors are not known.
-        ratio: the residuals' power over what noise would leave; None likewise.
+    `cramer_rao` and `insensitivity` are (n_free,), `covariance` and `correlation` (the Hessian's)
+    (n_free, n_free), `carried` (n_free, n_known) for one standard error of each known parameter.
+    `noise` (2 n_point,) are expected variances, real then imaginary parts, `ratio` the residuals'
+    power over the expected; None if the response's errors are unknown.
     """
 
     cramer_rao: Real
@@ -73,18 +38,12 @@ class Accuracy:
 
     @property
     def standard_error(self) -> Real:
-        """(n_free,) standard deviations to expect of the parameters."""
+        """Standard deviations of the parameters, (n_free,)."""
         return np.sqrt(np.diagonal(self.covariance))
 
 
 def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
-    """Return the accuracy of a fit that ended at x.
-
-    Args:
-        cost: the fit's cost.
-        x: (n_free,) the free parameters.
-        standardised: the fit minimised standardised residuals instead of J.
-    """
+    """Return the accuracy of a fit at x, (n_free,), by either kind of residual."""
     jacobian = cost.log_jacobian(x)
     magnitude = np.array([one.magnitude for one in cost.structure.free], dtype=np.float64)
     size = np.clip(np.abs(x), magnitude, _FARTHEST * magnitude)
@@ -98,7 +57,7 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     if standardised:
         minimised, scale = cost.standardised_jacobian(x) * clear, np.tile(1.0 / cost.spread, 2)
         left = cost.standardised(x)
-    # the pseudo-inverse, (n_free, n_residual), whatever units the parameters have
+    # the pseudo-inverse, (n_free, n_residual), scaled for the parameters' units
     length = np.linalg.norm(minimised, axis=0)
     unit = np.where(length > 0.0, length, 1.0)
     gain = np.linalg.pinv(minimised / unit) / unit[:, None]
@@ -127,11 +86,6 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
 def _spread(
     cost: Cost, residual: Real, jacobian: Real, scale: Real, gain: Real
 ) -> tuple[Real, Real, float] | None:
-    """Return what the response's own errors make of the parameters and leave in the residuals.
-
-    The parameters' covariance, `noise` and `ratio` of an `Accuracy`; None where the errors are not
-    known.
-    """
     relative = cost.points.covariance
     if relative is None:
         return None
@@ -150,22 +104,17 @@ def _spread(
 
 
 def gauss_newton_hessian(jacobian: Real) -> Real:
-    """Return the Hessian of J = sum r^2 without the residuals' curvature, (n_free, n_free).
-
-    Args:
-        jacobian: (n_residual, n_free) of the residuals r.
-    """
+    """Return the Hessian of sum r^2 without curvature for a Jacobian (n_residual, n_free)."""
     return 2.0 * jacobian.T @ jacobian
 
 
 def _inverse(hessian: Real) -> tuple[Real, NDArray[np.bool_]]:
-    """Return the (pseudo-)inverse and which parameters are seen, scaled to a unit diagonal."""
     if hessian.size == 0:
         return hessian, np.ones(0, dtype=np.bool_)
     diagonal = np.sqrt(np.diagonal(hessian))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     eigenvalue, vector = np.linalg.eigh(hessian / scale[:, None] / scale[None, :])
-    null = eigenvalue < _NULL * max(float(eigenvalue[-1]), 1.0)
+    null = eigenvalue < _NULL
     seen = np.sum(vector[:, null] ** 2, axis=1) < 1e-6
     inverse = (vector[:, ~null] / eigenvalue[~null]) @ vector[:, ~null].T
     return inverse / scale[:, None] / scale[None, :], seen

@@ -1,20 +1,20 @@
-"""The cost of a model against measured points, as residuals with their exact Jacobian.
+"""Cost of a model against measured points, as residuals with their exact Jacobian.
 
     J = sum over responses (20/n_w) sum_w W_g [ (dB error)^2 + 0.01745 (deg error)^2 ] ,
     W_g = [1.58 (1 - exp(-g2))]^2
 
-(Tischler and Remple). The average J that is printed is this sum over the number of
-responses; the accuracy analysis uses the sum.
+(Tischler and Remple). The average J is this sum over the number of responses.
 """
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.settings import Limits, convert
 from helisim.base.units import DB_PER_NEPER
 from helisim.ident.evaluate import Sample, Sensitivity
@@ -23,15 +23,12 @@ from helisim.ident.structure import Structure
 
 PHASE_WEIGHT = 0.01745
 """Weight of a squared phase error in deg^2 against a squared magnitude error in dB^2."""
-_FEWEST = 5
-"""A response with fewer coherent points is left out: it has no shape."""
-_PER_RADIAN = float(np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT))
-"""By how much a radian of phase counts where a dB counts 1."""
-_HOPELESS = 1e3
-"""Residual where the model is undefined: worse than any response that is defined."""
+_FEWEST = 5  # coherent points for a response to be used
+_PER_RADIAN = float(np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT))  # what a radian counts; a dB is 1
+_HOPELESS = 1e3  # residual of an undefined model: worse than that of any other
+# Relative error below which no point is trusted, however quiet the record: windows smear responses
+# of lightly damped modes by 0.05 to 0.3 %
 _FLOOR = 0.005
-"""No point is trusted more than this, as a fraction of its response, however quiet the record.
-Windows smear noise-free responses of lightly damped modes by 0.05 to 0.3 %."""
 
 Band = tuple[float, float]
 Real = NDArray[np.float64]
@@ -39,19 +36,11 @@ Real = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The measured points of a fit, response after response.
+    """Measured points of a fit, response after response, (n_point,) each.
 
-    Attributes:
-        pairs: names of the responses that are used, such as "p/lat".
-        dropped: names of those that are not coherent enough, or zero by the structure.
-        bands: lowest and highest frequency of each response that is used, rad/s.
-        frequency: (n_point,) rad/s.
-        measured: (n_point,) response.
-        weight: (n_point,) W_g 20 / n_w of the cost.
-        output, input: (n_point,) where a point is in the model's response.
-        pair: (n_point,) which of `pairs` it belongs to.
-        covariance: (n_point, n_point) E[d_k d_l*] of the relative errors d = dH/H; None where
-            the records are not known.
+    `frequency` is in rad/s, `weight` W_g 20 / n_w, `bands` in rad/s; `output`, `input` and `pair`
+    are indices. `covariance` is (n_point, n_point) E[d_k d_l*] of the relative errors d = dH/H, or
+    None.
     """
 
     pairs: tuple[str, ...]
@@ -66,10 +55,13 @@ class Points:
     covariance: NDArray[np.complex128] | None = None
 
     @property
-    def deviation(self) -> Real | None:
-        """Standard deviation of each point's relative error, real or imaginary part, (n_point,)."""
+    def deviation(self) -> Real:
+        """Standard deviation of each point's relative error, real or imaginary part, (n_point,).
+
+        Zero if the errors are unknown.
+        """
         if self.covariance is None:
-            return None
+            return np.zeros(self.frequency.size)
         return np.sqrt(0.5 * np.real(np.diagonal(self.covariance)))
 
 
@@ -81,12 +73,10 @@ def select(
     responses: Sequence[str] | None,
     count: int,
 ) -> Points:
-    """Choose the points of a fit: some log-spaced ones of each coherent response.
+    """Choose log-spaced points of each coherent response for a fit.
 
-    Raises:
-        UnknownNameError: a signal or response does not exist.
-        InputError: a response that was asked for is zero by the structure.
-        IdentificationError: no response is coherent enough.
+    Raises UnknownNameError; InputError for a response that is zero by the structure;
+    IdentificationError if none is coherent enough.
     """
     wanted = _wanted(structure, responses)
     places = {
@@ -148,7 +138,7 @@ def coherence_weight(coherence: Real) -> Real:
 
 
 def coherent(frf: FrequencyResponse, output: int, input: int) -> NDArray[np.bool_]:
-    """Return where a response can be fitted, (n_freq,): a zero has no decibels and no phase."""
+    """Return where a response can be fitted, (n_freq,): coherent and not zero."""
     return frf.usable()[output, input] & (frf.response[output, input] != 0.0)
 
 
@@ -158,14 +148,12 @@ def enough(frf: FrequencyResponse, output: str, input: str) -> bool:
 
 
 def _wanted(structure: Structure, responses: Sequence[str] | None) -> dict[str, tuple[int, int]]:
-    """Return the responses to fit with their places in the model's."""
-    pairs = structure.delay_places("delays")
+    pairs = structure.pairs
     if responses is None:
         return pairs
     names = (responses,) if isinstance(responses, str) else tuple(responses)
+    check_known(f"response of {structure.name!r}", names, pairs)
     for name in names:
-        if name not in pairs:
-            raise UnknownNameError(f"response of {structure.name!r}", name, pairs)
         if name not in structure.connected:
             output, _, input_ = name.partition("/")
             raise InputError(
@@ -177,14 +165,11 @@ def _wanted(structure: Structure, responses: Sequence[str] | None) -> dict[str, 
     return {name: pairs[name] for name in names}
 
 
-def _limits(
-    band: Band | Mapping[str, Band] | None, wanted: Mapping[str, object]
-) -> dict[str, Band]:
+def _limits(band: Band | Mapping[str, Band] | None, wanted: Mapping[str, Any]) -> dict[str, Band]:
     bands = band if isinstance(band, Mapping) else dict.fromkeys(wanted, band)
     found = dict.fromkeys(wanted, (0.0, math.inf))
+    check_known("response with a band", bands, wanted)
     for name, edges in bands.items():
-        if name not in wanted:
-            raise UnknownNameError("response with a band", name, wanted)
         if edges is not None:
             low, high = convert(tuple[float, float], edges, "band", Limits(finite=False))
             if not 0.0 <= low < high:
@@ -194,7 +179,6 @@ def _limits(
 
 
 def _log_spaced(frequency: Real, usable: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Return up to `count` usable grid points, closest to log-spaced ones."""
     place = np.log(frequency[usable])
     targets = np.linspace(place[0], place[-1], count)
     right = np.clip(np.searchsorted(place, targets), 1, place.size - 1)
@@ -205,18 +189,15 @@ def _log_spaced(frequency: Real, usable: NDArray[np.intp], count: int) -> NDArra
 class Cost:
     """Residuals of a structure over points as a function of its free parameters.
 
-    `log` residuals are those of J. `relative` ones, (H_model - H) / |H|, stay smooth through
-    zero gain, so they lead a search from far away into the right signs. `standardised` ones
-    are relative ones over each point's own standard deviation: linear in the measured
-    response, so noise does not bias them, and a point counts by what it knows.
+    `log` residuals are J's; `relative` ones are (H_model - H) / |H|; `standardised` ones are over
+    each point's standard deviation, `spread`, where the errors are known (`noisy`).
     """
 
     def __init__(self, structure: Structure, points: Points) -> None:
         self.structure = structure
         self.points = points
-        deviation = points.deviation
-        self.noisy = deviation is not None and bool(np.any(deviation > 0.0))
-        self._spread = None if deviation is None else np.hypot(deviation, _FLOOR)
+        self.noisy = bool(np.any(points.deviation > 0.0))
+        self.spread = np.hypot(points.deviation, _FLOOR)
         self.names = [parameter.name for parameter in structure.free]
         self.limits = np.array([one.limits for one in structure.free]).reshape(-1, 2).T
         self._where = Sensitivity(structure.program, points.frequency, points.output, points.input)
@@ -226,15 +207,11 @@ class Cost:
         self._cached: tuple[bytes, Sample] | None = None
 
     def values(self, x: Real) -> dict[str, float]:
-        """Return every parameter by name, the fixed ones too, for the free ones x, (n_free,)."""
+        """Return all parameters by name for the free ones x, (n_free,)."""
         return {**self.structure.starts, **dict(zip(self.names, x.tolist()))}
 
     def ratio(self, x: Real) -> tuple[NDArray[np.complex128], NDArray]:
-        """Return model over measured response at x, (n_free,), and its slope.
-
-        Returns:
-            (n_point,) and (n_free, n_point).
-        """
+        """Return model over measured response, (n_point,), and its slope, (n_free, n_point)."""
         return self._ratio(x), self._sample(x).slope(1.0 / self.points.measured).copy()
 
     def _sample(self, x: Real) -> Sample:
@@ -244,7 +221,7 @@ class Cost:
         return self._cached[1]
 
     def _parameters(self, x: Real) -> Real:
-        """Return every parameter in the structure's order, (n_parameter,)."""
+        """Return all parameters in the structure's order, (n_parameter,)."""
         parameters = self._start.copy()
         parameters[self.structure.program.free] = x
         return parameters
@@ -253,10 +230,9 @@ class Cost:
         return self._sample(x).response / self.points.measured
 
     def _jacobian(self, x: Real, scale: NDArray, imaginary: float = 1.0) -> Real:
-        """Return scaled slopes as (2 n_point, n_free), their imaginary parts by a factor more."""
         slope = self._sample(x).slope(scale)
         half = scale.size
-        # A parameter's column stands in one piece, as the decompositions of a search want it.
+        # columns contiguous, for the decompositions of a search
         columns = np.empty((len(self.names), 2 * half))
         columns[:, :half] = slope.real
         np.multiply(slope.imag, imaginary, out=columns[:, half:])
@@ -289,17 +265,8 @@ class Cost:
 
     @property
     def certainty(self) -> Real:
-        """What a squared relative error counts by where a start is looked for, (n_point,)."""
+        """Weight of a squared relative error in the search for a start, (n_point,)."""
         return 1.0 / self.spread**2 if self.noisy else self.points.weight
-
-    @property
-    def spread(self) -> Real:
-        """Standard deviation by which `standardised` residuals are divided, (n_point,)."""
-        if self._spread is None:
-            raise IdentificationError(
-                "the points' errors are not known, as the response was not estimated from records"
-            )
-        return self._spread
 
     def standardised(self, x: Real) -> Real:
         """Return the relative errors of x, (n_free,), over their deviations, (2 n_point,)."""
@@ -316,16 +283,7 @@ class Cost:
         return np.concatenate([errors.real, errors.imag])
 
     def jacobian_by(self, x: Real, names: Sequence[str], *, standardised: bool) -> Real:
-        """Return the derivatives by other parameters than the free ones, such as known ones.
-
-        Args:
-            x: (n_free,) the free parameters.
-            names: of the others.
-            standardised: of `standardised` residuals; otherwise of `log`.
-
-        Returns:
-            (2 n_point, n_name).
-        """
+        """Return derivatives of a residual by parameters that aren't free, (2 n_point, n_name)."""
         at = self.points
         where = Sensitivity(self.structure.program, at.frequency, at.output, at.input, by=names)
         sample = where.at(self._parameters(x))
@@ -334,20 +292,16 @@ class Cost:
         return scale[:, None] * np.concatenate([relative.real, relative.imag], axis=1).T
 
     def log_scale(self) -> Real:
-        """Return what `log` multiplies the error of the response's logarithm by, (2 n_point,)."""
+        """Return the factor of `log` on the error of the response's logarithm, (2 n_point,)."""
         return np.concatenate([self._root * DB_PER_NEPER, self._root * _PER_RADIAN])
 
     def per_response(self, x: Real) -> Real:
-        """Return J of each response for x, (n_free,), its phase within half a turn, (n_pair,)."""
+        """Return J of each response for x, (n_free,), phase within half a turn, (n_pair,)."""
         residual = self.log(x, unwrap=False) ** 2
         half = self.points.weight.size
         return np.add.reduceat(residual[:half] + residual[half:], self._firsts)
 
     def _unwrapped(self, z: NDArray[np.complex128]) -> Real:
-        """Return the phase error, continuous along each response and nearest to zero.
-
-        A wrong delay then costs more the further it is off, also beyond half a turn.
-        """
         phase = np.angle(z)
         turns = np.zeros_like(phase)
         turns[1:] = -np.round(np.diff(phase) / (2.0 * np.pi))

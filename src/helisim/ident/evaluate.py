@@ -1,174 +1,65 @@
-"""A structure with numbers: matrices, frequency response with exact derivatives, time responses.
+"""Evaluates a structure: matrices, frequency response with exact derivatives, time responses.
 
-With R = (s M - F)^-1, a point of output o and input i has the response
-
-    H = [e_o (H0 + s H1) R G e_i + D_oi + s D1_oi] e^(-s tau_oi) ,
-
-and its derivative by any matrix entry is a product of what stands to the left and to the right of
-that entry, from dR = -R d(s M - F) R: by F_rc it is (e_o (H0 + s H1) R)_r (R G e_i)_c.
-
-R is taken at all frequencies from the eigenvectors of M^-1 F at once. Where that is not accurate,
-as of two equal lags, whose eigenvectors are one, of a nearly singular M, or of a pole very much
-faster than the others, or where the model is small, it is inverted frequency by frequency.
+With R = (s M - F)^-1, H = [e_o (H0 + s H1) R G e_i + D_oi] e^(-s tau_oi), dR = -R d(s M - F) R.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from helisim.base.errors import IdentificationError
+from helisim.base.linear import LinearSystem
 from helisim.ident.expression import Dependence, Program, value_at
 from helisim.ident.structure import Structure
 
-if TYPE_CHECKING:
-    import control
-
-SINGULAR = 1e12
-"""Condition of M from which it has no inverse."""
-_ACCURATE, _ROUNDING = 1e-12, 1e-15
-"""Part of their terms by which the states' equations may be missed; and the part of the largest
-terms that is nothing in any equation, which rounding leaves."""
-_INDEPENDENT = 1e5
-"""Condition of the eigenvectors, whatever the states' units, up to which they are used. Those of
-the structures here have 1 to 30, and 1e8 where speeds and attitudes are nearly integrators."""
-_FEW = 2500
-"""Frequencies times states squared, up to which inverses take no longer than eigenvectors."""
-_BLOCK = 64
-"""Samples in a block of a simulation: only speed depends on it."""
-
+SINGULAR = 1e12  # condition of M that counts as singular
+_BLOCK = 64  # samples a block in simulations
 Real = NDArray[np.float64]
-Complex = NDArray[np.complexfloating]
-Sides = Callable[[], tuple[Complex, Complex]]
-"""Gives e_o (H0 + s H1) R and R G e_i of each point, (n_state, n_point) both."""
+Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """The numbers of a structure; delays in s."""
-
-    M: Real
-    F: Real
-    G: Real
-    H0: Real
-    H1: Real
-    D: Real
-    D1: Real
-    input_delays: Real
-    output_delays: Real
-    delays: Real
-
-    @property
-    def lags(self) -> Real:
-        """The delay of every response: its input's, its output's and its own, (n_out, n_in) s."""
-        return self.output_delays[:, None] + self.input_delays[None, :] + self.delays
-
-
-def matrices(structure: Structure, values: Mapping[str, float]) -> Matrices:
-    """Return the matrices for the given parameters."""
-    filled = structure.program.fill(structure.program.ordered(values))
-    for delays in ("input_delays", "output_delays"):
-        filled[delays] = filled[delays].ravel()
-    return Matrices(**filled)
-
-
-def response(
-    structure: Structure, values: Mapping[str, float], frequency: Real
-) -> NDArray[np.complex128]:
-    """Return the frequency response, (n_out, n_in, n_freq); not finite where it is undefined.
-
-    Args:
-        structure: the model's.
-        values: every parameter by name.
-        frequency: (n_freq,) rad/s.
-    """
-    everywhere, shape = _everywhere(structure, frequency)
-    return everywhere.at(structure.program.ordered(values)).response.reshape(shape)
-
-
-def response_and_slope(
-    structure: Structure,
-    values: Mapping[str, float],
-    frequency: Real,
-    by: Sequence[str] | None = None,
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the response and its derivative by each free parameter.
-
-    A fit asks for them at its points alone, by `Sensitivity`.
-
-    Args:
-        structure: the model's.
-        values: every parameter by name.
-        frequency: (n_freq,) rad/s.
-        by: names of other parameters to take the derivatives by; the free ones by default.
-
-    Returns:
-        (n_out, n_in, n_freq) and (n_free, n_out, n_in, n_freq).
-    """
-    everywhere, shape = _everywhere(structure, frequency, by)
-    there = everywhere.at(structure.program.ordered(values))
-    return there.response.reshape(shape), there.slope().reshape(-1, *shape)
-
-
-def _everywhere(
-    structure: Structure, frequency: Real, by: Sequence[str] | None = None
-) -> "tuple[Sensitivity, tuple[int, int, int]]":
-    """Return the points of every response at every frequency, and the shape that they have."""
+def response(structure: Structure, values: Mapping[str, float], frequency: Real) -> Complex:
+    """Return the response, (n_out, n_in, n_freq), at (n_freq,) rad/s; not finite if undefined."""
     shape = (len(structure.outputs), len(structure.inputs), frequency.size)
     output, input_, position = np.indices(shape).reshape(3, -1)
-    return Sensitivity(structure.program, frequency[position], output, input_, by=by), shape
+    points = Sensitivity(structure.program, frequency[position], output, input_)
+    return points.at(structure.program.ordered(values)).response.reshape(shape)
 
 
-def state_space(structure: Structure, values: Mapping[str, float]) -> "control.StateSpace":
-    """Return the model without its delays, signals and states named.
+def linear(structure: Structure, values: Mapping[str, float]) -> LinearSystem:
+    """Return the model with its delays.
 
-    Raises:
-        IdentificationError: M is singular, or an output follows an input's rate (D1), so the model
-            has no state space.
+    Raises IdentificationError if M is singular.
     """
-    if structure.improper:
-        raise IdentificationError(
-            f"the model {structure.name!r} is improper: D1 makes an output follow an input's rate, "
-            "which no state space does; `proper_part` is the model without D1, and `response`, "
-            "`verify` and `to_matlab` have it all"
-        )
-    return proper_part(structure, values)
-
-
-def proper_part(structure: Structure, values: Mapping[str, float]) -> "control.StateSpace":
-    """Return the model without its delays and D1, signals and states named.
-
-    Raises:
-        IdentificationError: M is singular, so the model has no state space.
-    """
-    numbers = matrices(structure, values)
-    if structure.states and np.linalg.cond(numbers.M) > SINGULAR:
+    numbers = structure.matrices(values)
+    m = numbers["M"]
+    if structure.states and np.linalg.cond(m) > SINGULAR:
         raise IdentificationError(
             f"the matrix M of {structure.name!r} is singular for these parameters, "
             "so the model has no state-space form"
         )
-    a = np.linalg.solve(numbers.M, numbers.F)
-    b = np.linalg.solve(numbers.M, numbers.G)
-    import control  # slow to import: it brings matplotlib
-
-    return control.StateSpace(
+    a = np.linalg.solve(m, numbers["F"]).astype(np.float64)
+    b = np.linalg.solve(m, numbers["G"]).astype(np.float64)
+    c, d = numbers["H0"] + numbers["H1"] @ a, numbers["D"] + numbers["H1"] @ b
+    return LinearSystem(
         a,
         b,
-        numbers.H0 + numbers.H1 @ a,
-        numbers.D + numbers.H1 @ b,
-        states=list(structure.states),
-        inputs=list(structure.inputs),
-        outputs=list(structure.outputs),
+        c,
+        d,
+        None,
+        structure.inputs,
+        structure.outputs,
+        structure.states,
+        dict(zip(structure.inputs, numbers["input_delays"].ravel().tolist())),
+        dict(zip(structure.outputs, numbers["output_delays"].ravel().tolist())),
         name=structure.name,
-        remove_useless_states=False,
     )
 
 
 class Sensitivity:
-    """A structure's response and its slopes at points, (n_point,) each: the inner loop of a fit."""
+    """A structure's response and slopes at points, (n_point,) each; default by the free ones."""
 
     def __init__(
         self,
@@ -179,15 +70,6 @@ class Sensitivity:
         *,
         by: Sequence[str] | None = None,
     ) -> None:
-        """Prepare for points, each of one output and one input.
-
-        Args:
-            program: the structure's.
-            frequency: (n_point,) rad/s.
-            output: (n_point,) number of the output.
-            input: (n_point,) number of the input.
-            by: names of the parameters whose slopes are wanted; the free ones by default.
-        """
         self.program = program
         self.s = 1j * frequency
         self.output, self.input = output, input
@@ -199,265 +81,125 @@ class Sensitivity:
         self.dependences = [
             [one for one in program.dependences if one.place == place] for place in wanted
         ]
-        self.total = np.empty((len(self.dependences), frequency.size), dtype=np.complex128)
-        self.spare = np.empty(frequency.size, dtype=np.complex128)
 
     def at(self, parameters: Real) -> "Sample":
-        """Return the response for (n_parameter,), and the way to its slopes."""
+        """Return the response for parameters (n_parameter,)."""
         return Sample(self, parameters)
 
 
 class Sample:
-    """The response at the points for some parameters.
-
-    Attributes:
-        response: (n_point,); not finite where the model is undefined.
-    """
+    """The response at the points, (n_point,), for some parameters; not finite if undefined."""
 
     def __init__(self, where: Sensitivity, parameters: Real) -> None:
-        self._where = where
-        self._parameters = parameters
-        filled = where.program.fill(parameters)
-        at = (where.output, where.input)
+        self._where, self._parameters = where, parameters
+        filled, at = where.program.fill(parameters), (where.output, where.input)
+        s = 1j * where.grid[:, None, None]
         with np.errstate(all="ignore"):
-            plain, self._sides = _solved(where, filled)
-            lags = filled["input_delays"] + filled["output_delays"] + filled["delays"]
-            self._delay = np.exp(-where.s * lags[at]) if np.any(lags) else np.ones_like(where.s)
-            self.response = (plain + filled["D"][at] + where.s * filled["D1"][at]) * self._delay
+            pencil = s * filled["M"] - filled["F"]
+            try:
+                self._resolvent = np.linalg.inv(pencil)
+            except np.linalg.LinAlgError:
+                self._resolvent = np.full_like(pencil, np.nan)
+            self._observed = filled["H0"] + s * filled["H1"]
+            driven = self._resolvent @ filled["G"]
+            self._right = driven[where.position, :, where.input].T
+            plain = np.sum(self._observed[where.position, where.output].T * self._right, axis=0)
+            lags = filled["input_delays"] + filled["output_delays"]
+            self._delay = np.exp(-where.s * lags[at])
+            self.response = (plain + filled["D"][at]) * self._delay
 
-    def slope(self, scale: Complex | None = None) -> NDArray[np.complex128]:
-        """Return the derivatives by the wanted parameters, (n_wanted, n_point).
-
-        Args:
-            scale: (n_point,) by which each point's are multiplied.
-
-        The array is overwritten by the next call for the same points.
-        """
+    def slope(self, scale: Complex | float = 1.0) -> Complex:
+        """Return wanted derivatives, (n_wanted, n_point), times `scale`, (n_point,)."""
         where, parameters = self._where, self._parameters.tolist()
-        scale = np.ones_like(where.s) if scale is None else scale
+        total = np.zeros((len(where.dependences), where.s.size), dtype=np.complex128)
         with np.errstate(all="ignore"):
-            left, right = self._sides()
-            delayed = self._delay * scale
-            left *= delayed
-            late = -where.s * self.response * scale
-            for row, dependences in zip(where.total, where.dependences):
-                if not dependences:
-                    row[:] = 0.0
-                for number, one in enumerate(dependences):
-                    part = where.spare if number else row
-                    _by_entry(part, one, where, left, right, delayed, late)
-                    slope = value_at(one.slope, parameters)
-                    if slope != 1.0:
-                        part *= slope
-                    if number:
-                        row += part
-        return where.total
+            seen = (self._observed @ self._resolvent)[where.position, where.output].T
+            delayed: Complex = np.asarray(self._delay * scale, dtype=np.complex128)
+            left, late = seen * delayed, -where.s * self.response * scale
+            for row, dependences in zip(total, where.dependences):
+                for one in dependences:
+                    by_entry = self._by_entry(one, left, delayed, late)
+                    row += by_entry * value_at(one.slope, parameters)
+        return total
+
+    def _by_entry(
+        self, entry: Dependence, left: Complex, delayed: Complex, late: Complex
+    ) -> Complex:
+        """Return the derivative by a matrix entry, (n_point,), including delay and scale."""
+        where, right = self._where, self._right
+        _, matrix, row, column, _ = entry
+        match matrix:
+            case "F":
+                return left[row] * right[column]
+            case "M":
+                return left[row] * right[column] * -where.s
+            case "G":
+                return left[row] * where.is_input[column]
+            case "H0":
+                return right[column] * where.is_output[row] * delayed
+            case "H1":
+                return right[column] * where.is_output[row] * delayed * where.s
+            case "input_delays":
+                return late * where.is_input[column]
+            case "output_delays":
+                return late * where.is_output[row]
+        return where.is_input[column] * where.is_output[row] * delayed
 
 
-def _by_entry(
-    part: Complex,
-    entry: Dependence,
-    where: Sensitivity,
-    left: Complex,
-    right: Complex,
-    delayed: Complex,
-    late: Complex,
-) -> None:
-    """Write the derivative by one entry of a matrix, (n_point,), into `part`.
+def simulate(model: LinearSystem, inputs: Real, step: float, start: Real | None = None) -> Real:
+    """Return the outputs, (n_time, n_out), for inputs, (n_time, n_in), linear between samples.
 
-    Args:
-        part: to write to.
-        entry: which one.
-        where: the points.
-        left: what stands to the left of F, delay and scale included.
-        right: what stands to its right.
-        delayed: delay and scale.
-        late: derivative by the delay, scale included.
+    The state begins at `start`, (n_state,); default 0. Delays are left out.
     """
-    _, matrix, row, column, _ = entry
-    match matrix:
-        case "F" | "M":
-            np.multiply(left[row], right[column], out=part)
-        case "G":
-            np.multiply(left[row], where.is_input[column], out=part)
-        case "H0" | "H1":
-            np.multiply(right[column], where.is_output[row], out=part)
-            part *= delayed
-        case "input_delays":
-            np.multiply(late, where.is_input[column], out=part)
-        case "output_delays":
-            np.multiply(late, where.is_output[row], out=part)
-        case _:
-            both = where.is_input[column] * where.is_output[row]
-            np.multiply(late if matrix == "delays" else delayed, both, out=part)
-    if matrix == "M":
-        part *= -where.s
-    elif matrix in ("H1", "D1"):
-        part *= where.s
-
-
-def _solved(where: Sensitivity, filled: dict[str, Real]) -> tuple[Complex, Sides]:
-    """Return e_o (H0 + s H1) R G e_i of each point, and its sides."""
-    m, f = filled["M"], filled["F"]
-    if not np.all(np.isfinite(m)) or not np.all(np.isfinite(f)):
-        undefined = np.full((f.shape[0], where.s.size), np.nan, dtype=np.complex128)
-        return np.full_like(where.s, np.nan), lambda: (undefined.copy(), undefined.copy())
-    if where.grid.size * f.shape[0] ** 2 > _FEW:
-        try:
-            value, vector = np.linalg.eig(np.linalg.solve(m, f))
-            dual = np.linalg.inv(m @ vector)
-        except np.linalg.LinAlgError:
-            return _by_inverse(where, filled)
-        if _accurate(complex(0.0, where.grid[0]), filled, value, vector, dual):
-            return _by_modes(where, filled, value, vector, dual)
-    return _by_inverse(where, filled)
-
-
-def _accurate(
-    s: complex, filled: dict[str, Real], value: NDArray, vector: NDArray, dual: NDArray
-) -> bool:
-    """Return whether the modes solve the states' equations, and those of the adjoint.
-
-    At the lowest frequency: what is wrong with the slowest mode counts most there.
-    """
-    if not np.max(np.abs(dual @ filled["M"]) @ np.abs(vector)) <= _INDEPENDENT:
-        return False
-    pencil = s * filled["M"] - filled["F"]
-    resolved = 1.0 / (s - value)[:, None]
-    driven, seen = filled["G"], (filled["H0"] + s * filled["H1"]).T
-    return _solves(pencil, vector @ (resolved * (dual @ driven)), driven) and _solves(
-        pencil.T, dual.T @ (resolved * (vector.T @ seen)), seen
-    )
-
-
-def _solves(pencil: Complex, found: Complex, known: NDArray) -> bool:
-    """Return whether `pencil @ found` is `known`, each row by the size of its own terms."""
-    missed = np.max(np.abs(pencil @ found - known), axis=1)
-    terms = np.max(np.abs(pencil) @ np.abs(found) + np.abs(known), axis=1)
-    # What nothing drives or nobody sees is all rounding, so it can't be judged by its own size.
-    return bool(np.all(missed <= _ACCURATE * terms + _ROUNDING * np.max(terms)))
-
-
-def _by_modes(
-    where: Sensitivity, filled: dict[str, Real], value: NDArray, vector: NDArray, dual: NDArray
-) -> tuple[Complex, Sides]:
-    """With R = V (s - Lambda)^-1 W, where M^-1 F V = V Lambda and W M V = 1."""
-    observed = (filled["H0"] @ vector).T.take(where.output, axis=1)
-    rates = filled["H1"] @ vector
-    if np.any(rates):
-        observed = observed + where.s * rates.T.take(where.output, axis=1)
-    resolved = (1.0 / (1j * where.grid - value[:, None])).take(where.position, axis=1)
-    seen = observed * resolved
-    driven = (dual @ filled["G"]).take(where.input, axis=1)
-    sides: Sides = lambda: (dual.T @ seen, vector @ (driven * resolved))  # noqa: E731
-    return np.einsum("ij,ij->j", seen, driven), sides
-
-
-def _by_inverse(where: Sensitivity, filled: dict[str, Real]) -> tuple[Complex, Sides]:
-    """With R of each frequency."""
-    s = 1j * where.grid[:, None, None]
-    pencil = s * filled["M"] - filled["F"]
-    try:
-        resolvent = np.linalg.inv(pencil)
-    except np.linalg.LinAlgError:
-        resolvent = np.full_like(pencil, np.nan)
-    right = (resolvent @ filled["G"])[where.position, :, where.input].T
-    observed = (filled["H0"] + s * filled["H1"])[where.position, where.output].T
-
-    def sides() -> tuple[Complex, Complex]:
-        left = (filled["H0"] + s * filled["H1"]) @ resolvent
-        return np.ascontiguousarray(left[where.position, where.output].T), right.copy()
-
-    return np.sum(observed * right, axis=0), sides
-
-
-def simulate(
-    model: "control.StateSpace", inputs: Real, step: float, start: Real | None = None
-) -> Real:
-    """Return the outputs, (n_time, n_out), exact for inputs linear between samples.
-
-    Args:
-        model: a continuous model.
-        inputs: (n_time, n_in).
-        step: sample time, s.
-        start: (n_state,) initial state; at rest by default.
-    """
-    a, b, c, d = (np.asarray(x, dtype=np.float64) for x in (model.A, model.B, model.C, model.D))
-    transition, now, change = _discretise(a, b, step)
+    transition, now, change = _discretise(model, step)
     rise = np.diff(inputs, axis=0, append=inputs[-1:])
     driven = inputs @ now.T + rise @ change.T
-    states = _propagate(transition, driven, np.zeros(a.shape[0]) if start is None else start)
-    return states @ c.T + inputs @ d.T
+    states = _propagate(transition, driven, np.zeros(len(model.a)) if start is None else start)
+    return states @ model.c.T + inputs @ model.d.T
 
 
-def delayed(
-    model: "control.StateSpace",
-    inputs: Real,
-    step: float,
-    lags: Real,
-    by_rate: Real | None = None,
-) -> Real:
-    """Return the outputs of a model at rest with a delay a pair, (n_time, n_out).
+def delayed(model: LinearSystem, inputs: Real, step: float, lags: Real) -> Real:
+    """Return the outputs, (n_time, n_out), of a continuous model at rest, a delay for each pair.
 
-    Exact for inputs linear between samples, also where a delay isn't a whole number of them.
-    Before the record inputs rest at their first value, after it at their last. An input's rate
-    is the mean of the slopes on both sides of a sample, linear between samples.
-
-    Args:
-        model: a continuous model.
-        inputs: (n_time, n_in), deviations from trim.
-        step: sample time, s.
-        lags: (n_out, n_in) s, negative where an output leads its input.
-        by_rate: (n_out, n_in) D1, by how much an output follows an input's rate; none by default.
+    Exact for inputs, (n_time, n_in) deviations from trim, linear between samples at `step`, s, and
+    constant before and after. `lags` are (n_out, n_in) s, negative where an output leads.
     """
-    a, b, c, d = (np.asarray(x, dtype=np.float64) for x in (model.A, model.B, model.C, model.D))
     samples, n_in = inputs.shape
-    outputs = np.zeros((samples, c.shape[0]))
-    # What the delays reach beyond the record, on both sides.
+    outputs = np.zeros((samples, len(model.c)))
+    # reach of the delays beyond the record, on both sides
     margin = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 2
-    transition, now, change = _discretise(a, b, step)
+    transition, now, change = _discretise(model, step)
     for j in range(n_in):
         wide = np.pad(inputs[:, j], margin, mode="edge")
-        rise, rate = np.diff(wide, append=wide[-1]), np.gradient(wide, step)
+        rise = np.diff(wide, append=wide[-1])
         driven = np.outer(wide, now[:, j]) + np.outer(rise, change[:, j])
-        states = _propagate(transition, driven, np.zeros(a.shape[0]))
+        states = _propagate(transition, driven, np.zeros(len(model.a)))
         for lag in np.unique(lags[:, j]):
             whole = int(np.floor(-lag / step))
             part = -lag - whole * step
             at = slice(margin + whole, margin + whole + samples)
-            ahead, held, risen = _discretise(a, b, part)
+            ahead, held, risen = _discretise(model, part)
             slope = rise[at] * (part / step)
             moved = (
                 states[at] @ ahead.T + np.outer(wide[at], held[:, j]) + np.outer(slope, risen[:, j])
             )
             for k in np.flatnonzero(lags[:, j] == lag):
-                outputs[:, k] += moved @ c[k] + (wide[at] + slope) * d[k, j]
-                if by_rate is not None and by_rate[k, j]:
-                    ahead_at = slice(at.start + 1, at.stop + 1)
-                    between = rate[at] + (rate[ahead_at] - rate[at]) * (part / step)
-                    outputs[:, k] += between * by_rate[k, j]
+                outputs[:, k] += moved @ model.c[k] + (wide[at] + slope) * model.d[k, j]
     return outputs
 
 
-def _discretise(a: Real, b: Real, step: float) -> tuple[Real, Real, Real]:
-    """Return the exact transition over one step of an input that changes linearly.
-
-    Of the state, by the input's sample now, and by its change to the next sample.
-    """
-    n, n_in = b.shape
+def _discretise(model: LinearSystem, step: float) -> tuple[Real, Real, Real]:
+    n, n_in = model.b.shape
     block = np.zeros((n + 2 * n_in, n + 2 * n_in))
-    block[:n, :n] = a * step
-    block[:n, n : n + n_in] = b * step
+    block[:n, :n] = model.a * step
+    block[:n, n : n + n_in] = model.b * step
     block[n : n + n_in, n + n_in :] = np.eye(n_in)
     power = np.asarray(expm(block), dtype=np.float64)
     return power[:n, :n], power[:n, n : n + n_in], power[:n, n + n_in :]
 
 
 def _propagate(transition: Real, driven: Real, start: Real) -> Real:
-    """Return x_0 .. x_(N-1) of x_(k+1) = A x_k + driven_k, (n_time, n_state).
-
-    Blocks are started from zero all at once, then the states at their edges are chained.
-    """
+    """Return x_0 .. x_(N-1) of x_(k+1) = A x_k + driven_k, (n_time, n_state)."""
     samples, n = driven.shape
     if n == 0:
         return driven

@@ -1,9 +1,4 @@
-"""Arithmetic in parameter names, such as "-tau_f" or "N_v * Y_ped", with exact derivatives.
-
-Text is parsed into a tree that may hold numbers, names, + - * / **, and a few functions; anything
-else is refused. Nothing is executed as Python: the tree becomes closures over a list of parameters.
-Numbers are folded, so what is affine in the parameters has derivatives that are numbers.
-"""
+"""Arithmetic in parameter names, such as "-tau_f" or "N_v * Y_ped", with exact derivatives."""
 
 import ast
 import math
@@ -15,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, check_known
 
 FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
     "sqrt": (math.sqrt, lambda x: 0.5 / math.sqrt(x)),
@@ -23,20 +18,17 @@ FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] 
     "log": (math.log, lambda x: 1.0 / x),
     "sin": (math.sin, math.cos),
     "cos": (math.cos, lambda x: -math.sin(x)),
-}
-"""Each function that an expression may use, with its derivative."""
+}  # Functions of expressions, with derivatives
 
 _LONGEST = 200
 _ALLOWED = "numbers, parameter names, + - * / ** ( ) and " + ", ".join(FUNCTIONS)
 
-Form = float | Callable[[Sequence[float]], float]
-"""A number, or a function of a list of parameters."""
-Dual = tuple[Form, dict[int, Form]]
-"""A value and its derivatives by the parameters' places."""
+Form = float | Callable[[Sequence[float]], float]  # A number, or a function of a list of parameters
+Dual = tuple[Form, dict[int, Form]]  # A value and its derivatives by the parameters' indices
 
 
 class Expression:
-    """One parsed expression. `names` are the parameters it uses."""
+    """A parsed expression; `names` are its parameters."""
 
     def __init__(self, text: str | float) -> None:
         self.text = str(text).strip()
@@ -52,21 +44,14 @@ class Expression:
             ) from None
         walked = (node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name))
         self.names = frozenset(walked) - FUNCTIONS.keys()
-        _ = self._own  # which refuses what isn't allowed
+        _ = self._own  # refuses what isn't allowed
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
 
     def evaluate(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
-        """Return the value and its derivatives by name; nan where it is undefined.
-
-        Raises:
-            UnknownNameError: a name has no value.
-        """
+        """Return the value and its derivatives by name, or nan."""
         order, (value, slopes) = self._own
-        for name in order:
-            if name not in values:
-                raise UnknownNameError("parameter", name, values)
         at = [values[name] for name in order]
         found = value_at(value, at)
         if math.isnan(found):
@@ -74,12 +59,7 @@ class Expression:
         return found, {order[k]: value_at(slope, at) for k, slope in slopes.items()}
 
     def compiled(self, places: Mapping[str, int], constants: Mapping[str, float]) -> Dual:
-        """Return the value and its derivatives as functions of a list of parameters.
-
-        Args:
-            places: each parameter's place in that list.
-            constants: names that are numbers.
-        """
+        """Return value and derivatives as functions of a list with parameters at `places`."""
         return self._compiled(self.tree, places, constants)
 
     @cached_property
@@ -125,7 +105,7 @@ class Expression:
 
 
 def value_at(form: Form, parameters: Sequence[float]) -> float:
-    """Return a form's value; nan where it is undefined."""
+    """Return a form's value; nan if undefined."""
     if not callable(form):
         return form
     try:
@@ -145,7 +125,6 @@ def _literal(node: ast.expr) -> float | None:
 
 
 def _joined(operation: Callable[[float, float], float], neutral: float, a: Form, b: Form) -> Form:
-    """Return a commutative operation's form; what is neutral to it changes nothing."""
     match (b, a) if callable(b) else (a, b):
         case float() | int() as one, float() | int() as other:
             return operation(one, other)
@@ -206,7 +185,7 @@ def _applied(
 
 
 class Entry(NamedTuple):
-    """One matrix entry or delay that isn't zero."""
+    """One nonzero matrix entry or delay."""
 
     matrix: str
     row: int
@@ -215,7 +194,7 @@ class Entry(NamedTuple):
 
 
 class Dependence(NamedTuple):
-    """How one matrix entry depends on one parameter, by its place."""
+    """Derivative of a matrix entry by a parameter, given by its index."""
 
     place: int
     matrix: str
@@ -225,16 +204,7 @@ class Dependence(NamedTuple):
 
 
 class Program:
-    """A structure's matrices and delays, compiled once to be filled with parameters many times.
-
-    All stand in one array. Entries that are affine in the parameters, nearly all of them, are
-    filled by one product with a constant matrix.
-
-    Attributes:
-        names: the parameters, in the order in which `fill` takes them.
-        free: (n_free,) places of the free ones among them.
-        dependences: every entry that depends on a parameter.
-    """
+    """Compiled matrices and delays; `names` in the order of `fill`, `free` (n_free,) indices."""
 
     def __init__(
         self,
@@ -247,53 +217,27 @@ class Program:
         self.names = tuple(names)
         places = {name: k for k, name in enumerate(names)}
         self.free = np.array([places[name] for name in free], dtype=np.intp)
-        ends = np.cumsum([rows * columns for rows, columns in shapes.values()]).tolist()
-        self._slices = {
-            matrix: (slice(end - shape[0] * shape[1], end), shape)
-            for (matrix, shape), end in zip(shapes.items(), ends)
-        }
-        self._base = np.zeros(ends[-1])
-        self._others: list[tuple[int, Form]] = []
+        self._shapes = dict(shapes)
+        self._values: list[tuple[str, int, int, Form]] = []
         self.dependences: list[Dependence] = []
-        affine: dict[int, dict[int, Form]] = {}
         for matrix, row, column, expression in entries:
             value, slopes = expression.compiled(places, constants)
-            at = self._slices[matrix][0].start + row * shapes[matrix][1] + column
-            if any(map(callable, slopes.values())):
-                self._others.append((at, value))
-            else:
-                self._base[at] = value_at(value, [0.0] * len(names))
-                affine |= {at: slopes} if slopes else {}
+            self._values.append((matrix, row, column, value))
             self.dependences += [
                 Dependence(place, matrix, row, column, slope)
                 for place, slope in slopes.items()
                 if slope != 0.0
             ]
-        self._at = np.array(list(affine), dtype=np.intp)
-        self._linear = np.zeros((len(affine), len(names)))
-        for row, slopes in enumerate(affine.values()):
-            for place, slope in slopes.items():
-                self._linear[row, place] = value_at(slope, ())
 
     def ordered(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return parameters as `fill` takes them, (n_parameter,).
-
-        Raises UnknownNameError if one is missing.
-        """
-        for name in self.names:
-            if name not in values:
-                raise UnknownNameError("parameter", name, values)
+        """Return parameters as `fill` takes them, (n_parameter,). Raises UnknownNameError."""
+        check_known("parameter", self.names, values)
         return np.array([values[name] for name in self.names], dtype=np.float64)
 
     def fill(self, parameters: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return each matrix by name; an entry that is undefined is nan.
-
-        Args:
-            parameters: (n_parameter,) in the order of `names`.
-        """
-        flat = self._base.copy()
-        flat[self._at] += self._linear @ parameters
-        listed = parameters.tolist() if self._others else []
-        for at, value in self._others:
-            flat[at] = value_at(value, listed)
-        return {name: flat[at].reshape(shape) for name, (at, shape) in self._slices.items()}
+        """Return each matrix by name for parameters, (n_parameter,); undefined entries are nan."""
+        filled = {name: np.zeros(shape) for name, shape in self._shapes.items()}
+        listed = parameters.tolist()
+        for matrix, row, column, value in self._values:
+            filled[matrix][row, column] = value_at(value, listed)
+        return filled

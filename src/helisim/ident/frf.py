@@ -1,4 +1,4 @@
-"""Estimates the frequency response of a vehicle from its flight records, which it checks first."""
+"""Estimates a vehicle's frequency response from flight records, after checking them."""
 
 import hashlib
 import json
@@ -10,44 +10,40 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
-from helisim.ident.composite import Windows, window_lengths
+from helisim.base.settings import Limits, convert
 from helisim.ident.local import Local
 from helisim.ident.response import FrequencyResponse
+from helisim.ident.windows import Windows, window_lengths
 from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import Channel, FlightRecord, one_blas_thread
 
-POINTS_PER_DECADE = 80
-"""Density of the frequency grid; 20 points of it a response go into a fit."""
+POINTS_PER_DECADE = 80  # of the frequency grid; fits use 20 points of a response
 ESTIMATORS = ("local", "windows")
-"""Names of the estimators."""
 CROSS_CONTROL_LIMIT = 0.5
 """Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
 CROSS_CONTROL_SINGULAR = 0.98
-"""Mean coherence between inputs above which they can't be told apart: the condition number
-of their spectral matrix exceeds 100."""
+"""Mean coherence of inputs above which they can't be separated: condition number > 100."""
 _COMPARED = 8  # every so many frequencies the direct estimate is compared with the joint one
 _LEAST_COHERENCE = 0.2  # below it the joint estimate is too wild for a comparison
 _FEWEST_APART = 2  # feedback's bias is smooth: one frequency of those compared is chance
-_LEAST_GAP = 0.005
-"""A smaller gap, as a fraction of the response, is of no weight: no fit trusts a point more."""
+_LEAST_GAP = 0.005  # of the response: no fit trusts a point more
 _CHANCE = 12.0  # a squared gap over its variance that chance exceeds once in 160 000 comparisons
 _LONGEST_STOP = 1.0  # s, for which an input may be at its stop in a record
 _NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part")
-"""Keys of a provenance that do not say which flight it is."""
 
 
 class ClosedLoopWarning(UserWarning):
-    """The direct and the joint estimate disagree, so the direct one is biased by feedback."""
+    """The direct and the joint estimate disagree: feedback biases the direct one."""
 
 
 class CrossControlWarning(UserWarning):
-    """Inputs moved together, so the responses to each are separated poorly."""
+    """Inputs moved together, so their responses are separated poorly."""
 
 
 class RecordQualityWarning(UserWarning):
-    """A record has spikes, frozen runs, or inputs that stay at their stops."""
+    """A record has spikes, frozen runs, or inputs at their stops."""
 
 
 @one_blas_thread()
@@ -59,35 +55,24 @@ def frequency_response(
     band: tuple[float, float],
     conditioning: str | Sequence[str] | None = None,
     reference: str | Sequence[str] | None = None,
-    estimator: str | None = None,
-    windows: float | Sequence[float] | None = None,
-    overlap: float = 0.75,
+    estimator: str = "local",
     use_ended: bool = False,
 ) -> FrequencyResponse:
     """Estimate frequency responses from one record or several pooled ones.
 
     Args:
-        records: flights; their spectra are averaged, so sweeps of different axes separate
-            the axes' effects.
-        inputs: the inputs wanted.
-        outputs: the outputs wanted.
+        records: flights; sweeps of different axes separate the axes' effects.
+        inputs: names.
+        outputs: names.
         band: lowest and highest frequency, rad/s.
-        conditioning: further inputs that were active; their effect is removed.
+        conditioning: further active inputs, whose effect is removed.
         reference: signals outside the loop (sticks, the sweep), at least as many as active
-            inputs. Given, the joint input-output method is used, which feedback and gusts do
-            not bias.
-        estimator: "local", the local polynomial and rational method, which windows don't smear
-            and transients don't bias; or "windows", CIFER's composite of Hann windows. The
-            default is local, unless window lengths are given.
-        windows: one window length or several, s; five by the published rules if none is given.
-        overlap: share of a window that the next one covers at least.
-        use_ended: True takes records of flights that were terminated early
-            (`FlightRecord.ended`) too.
+            inputs: for the joint input-output method, unbiased by feedback and gusts.
+        estimator: "local" polynomial and rational method, or "windows", CIFER's composite.
+        use_ended: accept flights that were terminated early.
 
-    Raises:
-        InputError: an argument is out of range or a channel does not exist.
-        IdentificationError: the records are too short, an input is constant, inputs moved
-            as one, or a flight was terminated early.
+    Raises InputError for arguments; IdentificationError if records are too short, an input is
+    constant, inputs moved as one, or a flight was terminated early.
     """
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     wanted, measured, others, references = (
@@ -98,29 +83,19 @@ def frequency_response(
     if not use_ended:
         refuse_truncated(flights)
     _check_band(flights, band)
-    if not 0.0 <= overlap <= 0.95:
-        raise InputError(f"overlap is {overlap}, expected 0 to 0.95; 0.75 to 0.8 is enough")
     driving = (*wanted, *others, *references)
     signals = tuple(dict.fromkeys((*driving, *measured)))
     _check_motion(flights, driving, "input")
     _check_motion(flights, measured, "output")
-    name = estimator or ("local" if windows is None else "windows")
-    if name not in ESTIMATORS:
-        raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
-    if name != "windows" and windows is not None:
-        raise InputError(
-            f"window lengths were given to the {name!r} estimator, which has no windows; "
-            "leave them out, or ask for estimator='windows'",
-            remedy="estimator=windows",
-        )
+    check_known("estimator", [estimator], ESTIMATORS)
     durations = [len(flight) * flight.sample_time for flight in flights]
-    lengths = window_lengths(durations, band, windows)
+    lengths = window_lengths(durations, band)
     count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
     frequency = np.geomspace(band[0], band[1], count)
     method = (
         Local(flights, signals, frequency)
-        if name == "local"
-        else Windows(flights, signals, frequency, windows=lengths, overlap=overlap)
+        if estimator == "local"
+        else Windows(flights, signals, frequency, lengths)
     )
     cross = method.cross_control((*wanted, *others))
     flags = _warned(_faults(flights, signals), RecordQualityWarning)
@@ -144,7 +119,7 @@ def frequency_response(
             output_units=tuple(flights[0].unit(name) for name in measured),
             conditioning=others,
             reference=names,
-            estimator=name,
+            estimator=estimator,
             windows=method.windows,
             flags=flags,
             sources=tuple(map(record_digest, flights)),
@@ -160,7 +135,6 @@ def frequency_response(
 
 
 def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:
-    """Warn of each, and return all."""
     found = tuple(flags)
     for flag in found:
         warnings.warn(flag, category, stacklevel=4)  # past `one_blas_thread`, to the caller
@@ -168,25 +142,18 @@ def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:
 
 
 def _disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> Iterator[str]:
-    """Yield where the joint and the direct estimate disagree.
-
-    They differ where the gap is larger than both errors together, and larger than chance
-    explains, half a percent at least: both see the same disturbance, so the gap's own error is
-    the smaller one.
-    """
     assert joint.scatter is not None
     assert direct.scatter is not None
     index = np.arange(0, joint.frequency.size, _COMPARED)
     shape = (len(joint.outputs), len(joint.inputs), index.size)
     place = np.indices(shape).reshape(3, -1)
     at = (place[0], place[1], index[place[2]])
-    each = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
-    own, other, between = (one.variance(*at) for one in each)
-    gap = np.abs(joint.response[at] - direct.response[at]) ** 2
-    least = np.square(_LEAST_GAP * np.abs(joint.response[at]))
-    chance = np.maximum(own + other, _CHANCE * between)
-    found = (gap > np.maximum(least, chance)) & joint.usable(_LEAST_COHERENCE)[at]
-    relative = np.where(found, np.sqrt(gap) / np.abs(joint.response[at]), 0.0)
+    models = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
+    own, other, between = (np.diagonal(one.covariance(*at)).real for one in models)
+    size, gap = np.abs(joint.response[at]), np.abs(joint.response[at] - direct.response[at])
+    least = np.maximum(np.square(_LEAST_GAP * size), np.maximum(own + other, _CHANCE * between))
+    found = (gap**2 > least) & joint.usable(_LEAST_COHERENCE)[at]
+    relative = np.where(found, gap / size, 0.0)
     for pair, apart in zip(joint.pairs, relative.reshape(-1, index.size)):
         count, worst = np.count_nonzero(apart), int(np.argmax(apart))
         if count >= min(_FEWEST_APART, index.size):
@@ -202,11 +169,7 @@ def _disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> Itera
 def _coherent(
     cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
 ) -> Iterator[str]:
-    """Yield which inputs moved together, by the coherence between them, (n_in, n_in, n_freq).
-
-    Raises:
-        IdentificationError: two inputs moved as one.
-    """
+    """Yield which inputs moved together. Raises IdentificationError if two moved as one."""
     advice = "add records where the other input is swept, or sweep with less off-axis input"
     for i, first in enumerate(inputs):
         for j, second in enumerate(inputs[:i]):
@@ -227,19 +190,18 @@ def _coherent(
 
 
 def _check_names(
-    flights: tuple[FlightRecord, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    others: tuple[str, ...],
-    reference: tuple[str, ...],
+    flights: Sequence[FlightRecord],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    others: Sequence[str],
+    reference: Sequence[str],
 ) -> None:
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
     for position, flight in enumerate(flights):
         if not isinstance(flight, FlightRecord):
-            raise InputError(
-                f"record {position} is a {type(flight).__name__}, expected a FlightRecord"
-            )
+            kind = type(flight).__name__
+            raise InputError(f"record {position} is a {kind}, expected a FlightRecord")
     if not inputs or not outputs:
         raise InputError("expected at least one input and one output")
     names = (*inputs, *others, *outputs)
@@ -248,10 +210,11 @@ def _check_names(
         raise InputError(
             f"each channel has one role, but these have several: {', '.join(repeated)}"
         )
-    if reference and len(reference) < len(inputs) + len(others):
+    active = len(inputs) + len(others)
+    if reference and len(reference) < active:
         raise InputError(
-            f"{len(reference)} reference(s) for {len(inputs) + len(others)} active inputs; the "
-            "joint method needs at least as many references as inputs and conditioning inputs",
+            f"{len(reference)} reference(s) for {active} active inputs; the joint method needs at "
+            "least as many references as inputs and conditioning inputs",
             remedy=(Option("reference", "A,B"),),
         )
     for flight in flights:
@@ -260,12 +223,9 @@ def _check_names(
 
 
 def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> None:
-    try:
-        low, high = (float(edge) for edge in band)
-    except (TypeError, ValueError):
-        raise InputError(f"band is {band!r}, expected two frequencies in rad/s") from None
-    if not (math.isfinite(low) and math.isfinite(high) and 0.0 < low < high):
-        raise InputError(f"band is {low} to {high} rad/s, expected 0 < lower < upper, finite")
+    low, high = convert(tuple[float, float], band, "band", Limits(unit="rad/s", above=0.0))
+    if not low < high:
+        raise InputError(f"band is {low} to {high} rad/s, expected 0 < lower < upper")
     nyquist = min(math.pi / flight.sample_time for flight in flights)
     if high >= nyquist:
         raise InputError(
@@ -276,7 +236,7 @@ def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> N
 
 
 def _check_motion(flights: Sequence[FlightRecord], names: Sequence[str], role: str) -> None:
-    """Raise IdentificationError for a channel that varies by no more than rounding anywhere."""
+    """Raise IdentificationError for a channel that is constant but for rounding."""
     for name in names:
         every = [flight[name] for flight in flights]
         if not any(float(np.ptp(one)) > 1e-12 * float(np.max(np.abs(one))) for one in every):
@@ -287,7 +247,7 @@ def _check_motion(flights: Sequence[FlightRecord], names: Sequence[str], role: s
 
 
 def refuse_truncated(flights: Sequence[FlightRecord]) -> None:
-    """Raise IdentificationError if a flight was terminated early: its end is no response."""
+    """Raise IdentificationError if a flight was terminated early."""
     ended = [(number, one.ended) for number, one in enumerate(flights, start=1) if one.ended]
     if ended:
         number, why = ended[0]
@@ -300,7 +260,6 @@ def refuse_truncated(flights: Sequence[FlightRecord]) -> None:
 
 
 def _faults(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[str]:
-    """Yield what is wrong with the named channels of records."""
     for number, flight in enumerate(flights, start=1):
         for channel in flight.channels:
             if channel.name in names:
@@ -318,10 +277,10 @@ def _channel_faults(flight: FlightRecord, channel: Channel) -> Iterator[str]:
         )
     runs = frozen_runs(values) if channel.kind == "OUT" else ()
     if runs:
+        first, last = time[runs[0].first], time[runs[0].last]
         yield (
-            f"is frozen, in {len(runs)} places, first from "
-            f"{time[runs[0].first]:.6g} to {time[runs[0].last]:.6g} s; leave that out, "
-            "with helisim.screen(record, repair='frozen')"
+            f"is frozen, in {len(runs)} places, first from {first:.6g} to {last:.6g} s; leave "
+            "that out, with helisim.screen(record, repair='frozen')"
         )
     stopped = np.flatnonzero(at_stop(values)) if channel.kind in ("IN1", "IN2") else np.array([])
     lost = stopped.size * flight.duration / (len(flight) - 1)
@@ -340,16 +299,12 @@ def record_digest(record: FlightRecord) -> str:
 
 
 def flight_span(record: FlightRecord) -> tuple[str, float, float] | None:
-    """Return which part of which flight a record is: digest, first and last time in s.
-
-    A simulated flight is known by what its provenance says was flown, a log by the digest of its
-    file, also cut, resampled or repaired. None where the provenance says neither.
-    """
+    """Return a record's part of a flight: digest, first and last time in s; None if unknown."""
     flown = {key: x for key, x in record.provenance.items() if key not in _NOT_THE_FLIGHT}
     log = record.provenance.get("log")
     if not flown and isinstance(log, Mapping):
         if any(one["kind"] == "reset" for one in log.get("findings", ())):
-            return None  # its time begins anew, so it does not say which part this is
+            return None  # its time begins anew: the part is unknown
         flown = {"log": log.get("digest")}
     if not flown:
         return None
@@ -359,7 +314,7 @@ def flight_span(record: FlightRecord) -> tuple[str, float, float] | None:
 
 
 def share_seen(record: FlightRecord, spans: Sequence[tuple[str, float, float]]) -> float:
-    """Return the share of a record's time that is in parts of flights, 0 to 1; overlaps once."""
+    """Return the share of a record's time within spans of flights, 0 to 1."""
     own = flight_span(record)
     if own is None:
         return 0.0

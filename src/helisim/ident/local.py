@@ -1,11 +1,8 @@
-"""The local polynomial method: frequency responses from whole records, without windows.
+"""Local polynomial method: frequency responses from whole records, without windows.
 
-Each flight is transformed whole, and around each frequency Y = G(w) U + T(w) + E is solved by least
-squares over the lines of all flights: G a polynomial, common to all, T the transient of each flight
-(R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., 2012,
-ch. 7), both with a common pole where the lines ask for it (T. McKelvey and G. Guerin, SYSID 2012).
-With a reference, outputs and inputs are estimated as responses to it and divided: under feedback
-those are damped, and so smooth, even where the vehicle is unstable. The data choose the width.
+Around each frequency Y = G(w) U + T(w) + E is solved by least squares over the lines of all
+flights (R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+2012, ch. 7), with a common pole where needed (T. McKelvey and G. Guerin, SYSID 2012).
 """
 
 from collections.abc import Sequence
@@ -18,54 +15,46 @@ from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, Lines, fit_band, 
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
 from helisim.records.record import FlightRecord
 
-WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+WIDTHS: Real = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
 """Half widths of the band over its middle: 0.06 to 3.84."""
-WIDEST = 1.0
-"""Beyond it a band is only used where the lines allow one narrower at most: of a single one
-nobody knows the bias."""
+WIDEST = 1.0  # Widest band without a narrower one to compare: beyond it the bias is unknown
 _MOST = 4  # widths that are compared at a frequency
 _PLENTY = 100.0  # lines for each parameter in a band beyond which no wider one is asked
 _SPARE = 1.5  # lines that a band needs for each parameter: the kernel lets two of three count
 _FREE = 4.0  # lines beyond the parameters, to see what is left
-_TRANSIENT_RATIO = 1.5
-"""Transients are estimated where their lines hold so much more power than the disturbance."""
+_TRANSIENT_RATIO = 1.5  # transients are estimated above this power over the disturbance's
 _TRANSIENT_STEP = 4  # at every so many frequencies it is looked for transients
 _CHUNK = 100_000  # Numbers of a design that are worked on at once
 _SHARPNESS = 2.0  # power by which smaller mean-square errors count more in the average of widths
 _LEAST = 0.05  # a width with a smaller share is left out
-_ASYMPTOTIC = 0.5
-"""A band wider than this has no law for its bias: the next wider one's counts in full."""
-_DOUBT = 0.5
-"""Shares of a difference's variance that its square must exceed it by to be stated as a bias: the
-mean over neighbours is of two or three independent ones."""
+_ASYMPTOTIC = 0.5  # bands wider than this have no law of bias: the next wider one's counts fully
+_DOUBT = 0.5  # Excess of a squared difference, in its variances, to be stated as a bias
 _FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
-_NOISE_FREEDOM = 5.0
-"""The disturbance's spectrum is taken from the narrowest band with so many spare lines."""
+_NOISE_FREEDOM = 5.0  # spare lines of the narrowest band that gives the disturbance's spectrum
 _NOISE_WIDTH = 0.15  # over which share of the frequency that spectrum is averaged further
+# A spectrum that averages n lines is stated larger by this over n: then three standard deviations
+# hold 98.9 % of the errors (Student's distribution, complex, n of 8 to 30)
 _STUDENT = 2.5
-"""A spectrum that averages n lines is stated larger by this over n: then three standard deviations
-hold 98.9 % of the errors, as if it were known (Student's distribution, complex, n of 8 to 30)."""
-_POWER_WIDTH = 0.2
-_POWER_LINES = 12
-"""Inputs' spectra are averaged over this share of the frequency, and so many lines at least."""
+_POWER_WIDTH = 0.2  # over which share of the frequency the inputs' spectra are averaged
+_POWER_LINES = 12  # least lines in averages of the inputs' spectra
 _AVERAGES = 8.0  # no coherence is larger than what so many averages would need for the random error
 
 
 class Local:
-    """The lines of records, for any responses between their signals at (n_freq,) rad/s."""
+    """Lines of records, for responses between their signals at (n_freq,) rad/s."""
 
     windows: tuple[float, ...] = ()
 
     def __init__(
-        self,
-        records: Sequence[FlightRecord],
-        names: Sequence[str],
-        frequency: NDArray[np.float64],
+        self, records: Sequence[FlightRecord], names: Sequence[str], frequency: Real
     ) -> None:
         self._frequency = frequency
         self._lines = flight_lines(records, names, float(frequency[-1] * (1.0 + WIDTHS[-1])))
 
-    def cross_control(self, names: Sequence[str]) -> NDArray[np.float64]:
+    def cross_control(self, names: Sequence[str]) -> Real:
         """Return the coherence between signals, (n_name, n_name, n_freq)."""
         matrix = _power(self._lines, self._lines.places(names), self._frequency)
         power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
@@ -79,7 +68,7 @@ class Local:
         others: Sequence[str],
         reference: Sequence[str],
     ) -> Estimate:
-        """Return the responses, averaged over the widths of the band, with their errors."""
+        """Return the responses, averaged over bandwidths, with their errors."""
         active, frequency = (*inputs, *others), self._frequency
         if tuple(reference) == active:
             reference = ()
@@ -94,12 +83,11 @@ class Local:
         bands = estimate_bands(task)
         noise = _noise(bands, frequency)
         level = np.real(np.diagonal(noise, axis1=1, axis2=2)).T
-        choice = choose(
+        share, bias, spread = choose(
             bands.gain, bands.shared(), level, bands.valid, WIDTHS, frequency, widest=WIDEST
         )
-        response = np.sum(choice.share * bands.gain, axis=0)
-        weights = bands.packed(choice.share)
-        scatter = LocalScatter(frequency, weights, choice.share, noise, choice.bias, choice.spread)
+        response = np.sum(share * bands.gain, axis=0)
+        scatter = LocalScatter(frequency, bands.packed(share), share, noise, bias, spread)
         o, i, w = np.indices(response.shape).reshape(3, -1)
         variance = scatter.variance(o, i, w).reshape(response.shape)
         relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
@@ -113,8 +101,8 @@ class Local:
         )
 
 
-def _noise(bands: "Bands", frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the spectra of the outputs' disturbances, (n_freq, n_out, n_out)."""
+def _noise(bands: "Bands", frequency: Real) -> Complex:
+    """Return spectra of the outputs' disturbances, (n_freq, n_out, n_out)."""
     enough = bands.valid & (bands.freedom >= _NOISE_FREEDOM)
     last = bands.valid.shape[0] - 1 - np.argmax(bands.valid[::-1], axis=0)
     taken = np.where(np.any(enough, axis=0), np.argmax(enough, axis=0), last)
@@ -122,14 +110,12 @@ def _noise(bands: "Bands", frequency: NDArray[np.float64]) -> NDArray[np.complex
     freedom = bands.freedom[taken, at]
     raw = np.moveaxis(bands.residual[taken, at], 0, 2)
     mean = smoothed(raw, frequency, freedom, _NOISE_WIDTH)
-    # a Gaussian averages as a flat band of 3.5 standard deviations does; the kernel, of 1.6 halves
+    # a Gaussian averages like a flat band of 3.5 standard deviations, the kernel of 1.6 halves
     pooled = freedom * np.maximum(1.0, 3.5 * _NOISE_WIDTH / (1.6 * WIDTHS[taken]))
     return np.moveaxis(mean * (1.0 + _STUDENT / np.maximum(pooled, 1.0)), 2, 0)
 
 
-def _power(
-    lines: Lines, places: list[int], frequency: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def _power(lines: Lines, places: list[int], frequency: Real) -> Complex:
     """Return the spectra between signals around each frequency, (n_freq, n_signal, n_signal)."""
     spread = 0.5 * _POWER_LINES / np.sum(1.0 / lines.spacing)
     low = np.maximum(frequency - np.maximum(_POWER_WIDTH * frequency, spread), 0.0)
@@ -143,13 +129,8 @@ def _power(
     return summed / np.maximum(np.sum(count, axis=1), 1)[:, None, None]
 
 
-def _coherence(
-    task: "Task",
-    bands: "Bands",
-    response: NDArray[np.complex128],
-    noise: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the partial and the multiple coherence, by the outputs' noise, (n_out, n_freq)."""
+def _coherence(task: "Task", bands: "Bands", response: Complex, noise: Real) -> tuple[Real, Real]:
+    """Return partial and multiple coherence from the outputs' noise, (n_out, n_freq)."""
     power = _power(task.lines, task.drive, task.frequency)
     into = bands.active_gain
     explained = into @ power @ into.conj().swapaxes(1, 2)
@@ -168,44 +149,35 @@ def _coherence(
 
 
 class Task(NamedTuple):
-    """What is estimated, signals by their places among the lines.
-
-    `drive` are the references, or the inputs that were active; `active` with references the
-    inputs, else empty, of which the first `n_in` are wanted. `frequency` is (n_freq,) rad/s.
-    """
+    """An estimation task; `drive`, `active` and outputs are indices of signals in the lines."""
 
     lines: Lines
     drive: list[int]
     output: list[int]
     active: list[int]
     n_in: int
-    frequency: NDArray[np.float64]
+    frequency: Real
 
 
 class Bands(NamedTuple):
-    """The responses by every width.
+    """The responses by every bandwidth.
 
-    Attributes:
-        gain: (n_width, n_out, n_in, n_freq), zero where a width isn't used.
-        valid: (n_width, n_freq) where it is used.
-        residual: (n_width, n_freq, n_out, n_out) spectra of y - H u.
-        freedom: (n_width, n_freq) equivalent number of lines that it averages.
-        full_gain: (n_freq, n_out, n_active) the narrowest width's, conditioning inputs too.
-        active_gain: (n_freq, n_active, n_drive) its response of the inputs to the references.
-        weights: for each frequency, by the number of each width that is used, the first lines,
-            (n_flight,), and the weights, (n_in, n_flight, n_line).
+    `gain` is (n_width, n_out, n_in, n_freq), zero where not `valid` (n_width, n_freq); `residual`
+    (n_width, n_freq, n_out, n_out) spectra of y - H u; `freedom` (n_width, n_freq) averaged lines;
+    `full_gain` (n_freq, n_out, n_active) the narrowest width's; `active_gain` (n_freq, n_active,
+    n_drive); `weights` first lines, (n_flight,), and (n_in, n_flight, n_line) weights.
     """
 
-    gain: NDArray[np.complex128]
+    gain: Complex
     valid: NDArray[np.bool_]
-    residual: NDArray[np.complex128]
-    freedom: NDArray[np.float64]
-    full_gain: NDArray[np.complex128]
-    active_gain: NDArray[np.complex128]
+    residual: Complex
+    freedom: Real
+    full_gain: Complex
+    active_gain: Complex
     weights: tuple[dict[int, tuple[NDArray[np.intp], NDArray[np.complex64]]], ...]
 
-    def shared(self) -> NDArray[np.float64]:
-        """Return their covariance for a unit disturbance, (n_width, n_width, n_in, n_freq)."""
+    def shared(self) -> Real:
+        """Return the covariance for a unit disturbance, (n_width, n_width, n_in, n_freq)."""
         n_width, _, n_in, n_freq = self.gain.shape
         shared = np.zeros((n_width, n_width, n_in, n_freq))
         for f, weights in enumerate(self.weights):
@@ -216,11 +188,8 @@ class Bands(NamedTuple):
             shared[np.ix_(widths, widths, range(n_in), [f])] = product.transpose(1, 2, 0)[..., None]
         return shared
 
-    def packed(self, share: NDArray[np.float64]) -> tuple[LineWeights, ...]:
-        """Return for each frequency the weights of widths with a share.
-
-        It is (n_width, n_out, n_in, n_freq).
-        """
+    def packed(self, share: Real) -> tuple[LineWeights, ...]:
+        """Return weights by frequency, of widths with a share, (n_width, n_out, n_in, n_freq)."""
         packed = []
         for f, weights in enumerate(self.weights):
             used = [width for width in sorted(weights) if np.any(share[width, ..., f])]
@@ -229,7 +198,7 @@ class Bands(NamedTuple):
 
 
 def estimate_bands(task: Task) -> Bands:
-    """Fit every width at every frequency where the lines allow it."""
+    """Fit every width at every frequency with enough lines."""
     transient = transients(task)
     valid = _usable_widths(task, transient)
     n_width, n_freq = valid.shape
@@ -261,11 +230,7 @@ def estimate_bands(task: Task) -> Bands:
 
 
 def _responses(task: Task, fit: BandFit) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Return the outputs' responses to all active inputs, from those to the driving signals.
-
-    With references r the inputs follow as u = R r, and H = H_yr R*(R R*)^-1 in the metric of r.
-    They are H, (n_freq, n_out, n_active), R, H's weights, and the spectra of y - H u.
-    """
+    """Return H = H_yr R*(R R*)^-1, (n_freq, n_out, n_active), R, H's weights, residual spectra."""
     n_out, n_freq = len(task.output), fit.gain.shape[0]
     if not task.active:
         same = np.broadcast_to(np.eye(len(task.drive)), (n_freq,) + 2 * (len(task.drive),))
@@ -291,7 +256,7 @@ def _fit(
 
 
 def _usable_widths(task: Task, transient: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which widths have lines enough, (n_width, n_freq): the narrowest and some more."""
+    """Return which widths have enough lines, (n_width, n_freq)."""
     needed = _SPARE * (len(task.drive) * (ORDER + 1) + _FREE)
     lines = np.zeros((WIDTHS.size, task.frequency.size), dtype=np.intp)
     for width, relative in enumerate(WIDTHS):
@@ -312,7 +277,6 @@ def _usable_widths(task: Task, transient: NDArray[np.bool_]) -> NDArray[np.bool_
 def _chunks(
     task: Task, valid: NDArray[np.bool_], transient: NDArray[np.bool_], relative: float
 ) -> list[tuple[NDArray[np.intp], bool]]:
-    """Return groups of frequencies that are worked on together, of similar numbers of lines."""
     n_flight, columns = task.lines.spacing.size, len(task.drive) * (ORDER + 1)
     columns += len(task.output) + len(task.active)
     groups = []
@@ -329,11 +293,7 @@ def _chunks(
 
 
 def transients(task: Task) -> NDArray[np.bool_]:
-    """Return where transients are to be estimated, (n_freq,).
-
-    Their lines are compared with the disturbance's. Flights that begin and end in trim have none,
-    and at the lowest frequencies could not afford them.
-    """
+    """Return where transients are to be estimated, (n_freq,)."""
     all_on = np.ones(task.frequency.size, dtype=np.bool_)
     valid = _usable_widths(task, all_on)
     ratio, counted = np.zeros(task.frequency.size), np.zeros(task.frequency.size)
@@ -362,44 +322,29 @@ def transients(task: Task) -> NDArray[np.bool_]:
     return np.where(known, mean, overall) > _TRANSIENT_RATIO
 
 
-class Choice(NamedTuple):
-    """Shares of the widths in the estimate, (n_width, n_out, n_in, n_freq).
-
-    `bias` and `spread`, (n_out, n_in, n_freq) each, are the systematic error that is left, and
-    the standard deviation of the widths' responses around their mean.
-    """
-
-    share: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    spread: NDArray[np.float64]
-
-
 def choose(
-    gain: NDArray[np.complex128],
-    shared: NDArray[np.float64],
-    power: NDArray[np.float64],
+    gain: Complex,
+    shared: Real,
+    power: Real,
     valid: NDArray[np.bool_],
-    widths: NDArray[np.float64],
-    frequency: NDArray[np.float64],
+    widths: Real,
+    frequency: Real,
     *,
     widest: float = np.inf,
-) -> Choice:
-    """Weigh the widths of the band at every frequency by their mean-square errors.
+) -> tuple[Real, Real, Real]:
+    """Weigh the bandwidths at every frequency by their mean-square errors.
 
-    A polynomial's bias grows with the width to the power ORDER + 2, so each width's follows from
-    how far it is from the next narrower one: squared, less the variance of that difference,
-    averaged over neighbouring frequencies. It doesn't fall where the band gets wider. The
-    narrowest's own follows from the next one's by the same law. Of a single band that is wider
-    than `widest` nothing is known: its bias is the whole response.
+    Return their shares in the estimate, (n_width, n_out, n_in, n_freq), the remaining systematic
+    error and the widths' standard deviation, (n_out, n_in, n_freq) each.
 
     Args:
         gain: (n_width, n_out, n_in, n_freq) response by each width.
         shared: (n_width, n_width, n_in, n_freq) covariance between widths for a unit disturbance.
         power: (n_out, n_freq) spectra of the outputs' disturbances.
-        valid: (n_width, n_freq) where a width could be used, at least one a frequency.
+        valid: (n_width, n_freq) usable widths, at least one a frequency.
         widths: (n_width,) relative half widths, increasing.
         frequency: (n_freq,) rad/s.
-        widest: a width beyond it only tells the bias of the narrowest, which may be wider itself.
+        widest: a single band beyond it has a bias of the whole response.
     """
     n_width = widths.size
     narrowest = np.argmax(valid, axis=0)
@@ -409,7 +354,7 @@ def choose(
     own = np.einsum("ccif->cif", shared)
     squared, sure = np.zeros(gain.shape), np.zeros(gain.shape)
     for width in range(n_width):
-        # the next narrower width that is valid, itself if none is
+        # the next narrower valid width, itself if none
         numbers = np.where(valid[:width], np.arange(width)[:, None], -1)
         before = np.max(numbers, axis=0, initial=-1)
         before = np.where(before < 0, width, before)
@@ -441,23 +386,11 @@ def choose(
     bias = np.sqrt(np.sum(share * sure, axis=0))
     alone = (np.sum(valid, axis=0) == 1) & (widths[narrowest] > widest)
     bias[..., alone] = np.maximum(bias, np.abs(mean))[..., alone]
-    return Choice(share, bias, np.sqrt(spread))
+    return share, bias, np.sqrt(spread)
 
 
-def smoothed(
-    values: NDArray,
-    frequency: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    width: float,
-) -> NDArray:
-    """Return the mean over neighbouring frequencies, by a Gaussian of the frequency's logarithm.
-
-    Args:
-        values: (..., n_freq).
-        frequency: (n_freq,) rad/s.
-        weight: (..., n_freq) what each counts; all zero gives zeros.
-        width: standard deviation of the Gaussian.
-    """
+def smoothed(values: NDArray, frequency: Real, weight: Real, width: float) -> NDArray:
+    """Return a Gaussian mean over log frequency, with weights, (..., n_freq) each."""
     apart = np.subtract.outer(np.log(frequency), np.log(frequency)) / width
     kernel = np.exp(-0.5 * apart**2)
     total = np.maximum(weight @ kernel, 1e-300)

@@ -1,12 +1,8 @@
-"""Least squares in a band of a record's lines: the response, transients, and their common pole.
+"""Least squares in a band of a record's lines: response, transients, and common pole.
 
-A record of T seconds, transformed without a window, has a line every 2 pi / T rad/s, at each of
-which Y = G(j w) U + T(w) + E exactly: G is the vehicle, T the transient, a smooth function that the
-state at the record's start and end gives, E the disturbance, nearly independent from line to line.
-Around w0 G is a polynomial of ln(w / w0), the same for all flights, T is w0/w times one of w - w0
-for each. Where chi^2 falls by enough, both are divided by 1 - (w - w0)/p with one pole p for all:
-found by a linear fit of A Y = B U + T, without what the disturbance adds to it, and one step of
-Gauss and Newton's. Lines count by Epanechnikov's kernel; given p, the estimate is linear in them.
+Y = G(j w) U + T(w) + E at lines 2 pi / T apart: around w0 G is a polynomial of ln(w / w0), T is
+w0/w times one of w - w0 for each flight; where chi^2 falls by enough both are divided by 1 - (w -
+w0)/p. Lines are weighted by Epanechnikov's kernel.
 """
 
 from collections.abc import Sequence
@@ -18,47 +14,36 @@ from scipy import fft
 
 from helisim.records.record import FlightRecord
 
-ORDER = 2
-"""Order of the response's polynomial: an even one is as unbiased as the next odd one, at less
-variance (Pintelon and Schoukens take 2, too)."""
-TRANSIENT = 3
-"""Terms of a transient: 1/w, 1 and w."""
-_SINGULAR = 1e-11
-"""Eigenvalues of the scaled normal matrix below it: the lines don't tell the inputs apart."""
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+ORDER = 2  # Order of the response's polynomial (Pintelon and Schoukens take 2, too)
+TRANSIENT = 3  # Terms of a transient: 1/w, 1 and w
+_SINGULAR = 1e-11  # least eigenvalue of the scaled normal matrix
 _WORTH = 5.0  # a pole is estimated where it takes so much off chi^2; chance takes 1 at most
-_ITERATIONS = 1  # of Gauss and Newton's, for the pole
 _NEAREST = 0.5  # lines between a pole and the frequency axis at least
 _FURTHEST = 10.0  # half widths between a pole and the middle at most: beyond, it is none
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """The lines of all flights, from the level (line 0) up to a highest frequency.
+    """Lines of all flights, from line 0 (the mean) up to a highest frequency.
 
-    Attributes:
-        names: the signals.
-        spacing: (n_flight,) rad/s between lines.
-        count: (n_flight,) how many lines a flight has.
-        values: (n_flight, n_line, n_signal), scaled so that |Z|^2 is a one-sided spectrum; zero
-            where a flight has fewer lines than another.
+    `spacing` is (n_flight,) rad/s, `count` (n_flight,); `values` (n_flight, n_line, n_signal),
+    |Z|^2 a one-sided spectrum.
     """
 
     names: tuple[str, ...]
-    spacing: NDArray[np.float64]
+    spacing: Real
     count: NDArray[np.intp]
-    values: NDArray[np.complex128]
+    values: Complex
 
     def places(self, names: Sequence[str]) -> list[int]:
-        """Return where signals are in `values`."""
+        """Return indices of signals in `values`."""
         return [self.names.index(name) for name in names]
 
-    def within(
-        self, low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the first line at or above `low` and how many reach to `high`.
-
-        (n_freq, n_flight) each, of edges (n_freq,) in rad/s; line 0, the level, never counts.
-        """
+    def within(self, low: Real, high: Real) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the first line and number of lines from `low` to `high`, (n_freq,) rad/s each."""
         first = np.ceil(low[:, None] / self.spacing - 1e-9).astype(np.intp)
         last = np.floor(high[:, None] / self.spacing + 1e-9).astype(np.intp)
         first = np.maximum(first, 1)
@@ -66,7 +51,7 @@ class Lines:
 
 
 def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest: float) -> Lines:
-    """Return the lines of records' signals, less their mean levels, up to a highest, rad/s."""
+    """Return the lines of records' signals less their means, up to `highest`, rad/s."""
     spacing = np.array([2.0 * np.pi / (len(one) * one.sample_time) for one in records])
     each = []
     for record, step in zip(records, spacing):
@@ -85,22 +70,19 @@ def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest:
 
 @dataclass(frozen=True, eq=False)
 class BandFit:
-    """What one half width of the band gives at some frequencies.
+    """Result of one half width of the band at some frequencies.
 
-    Attributes:
-        first: (n_freq, n_flight) the line that the weights begin with.
-        gain: (n_freq, n_response, n_drive) response at the middle of the band.
-        weight: (n_freq, n_drive, n_flight, n_line) by which the gain takes a signal's lines.
-        residual: (n_freq, n_response, n_response) spectra of what the fit leaves.
-        freedom: (n_freq,) equivalent number of lines that the residual averages.
-        fits: (n_freq,) False where the lines can't tell the driving signals apart.
+    `first` is (n_freq, n_flight) first lines of `weight`, (n_freq, n_drive, n_flight, n_line);
+    `gain` (n_freq, n_response, n_drive); `residual` (n_freq, n_response, n_response) spectra;
+    `freedom` (n_freq,) averaged lines; `fits` (n_freq,) False where driving signals can't be
+    separated.
     """
 
     first: NDArray[np.intp]
-    gain: NDArray[np.complex128]
-    weight: NDArray[np.complex128]
-    residual: NDArray[np.complex128]
-    freedom: NDArray[np.float64]
+    gain: Complex
+    weight: Complex
+    residual: Complex
+    freedom: Real
     fits: NDArray[np.bool_]
 
 
@@ -108,22 +90,15 @@ def fit_band(
     lines: Lines,
     drive: list[int],
     response: list[int],
-    frequency: NDArray[np.float64],
-    half: NDArray[np.float64],
+    frequency: Real,
+    half: Real,
     *,
     transient: bool,
     poles: bool = True,
 ) -> BandFit:
     """Fit the lines within `half` of each frequency, (n_freq,) rad/s each.
 
-    Args:
-        lines: of all flights.
-        drive: where the driving signals are among them.
-        response: where the responding ones are.
-        frequency: the bands' middles.
-        half: the bands' half widths.
-        transient: estimate a transient for each flight.
-        poles: give the responses a common pole where the lines ask for one.
+    `transient` estimates one for each flight, `poles` a common pole where needed.
     """
     band = _gather(lines, drive, response, frequency, half)
     solved = _solve(band, None, transient=transient)
@@ -138,9 +113,8 @@ def fit_band(
     part = _Band(**{one.name: getattr(band, one.name)[at] for one in fields(band)})
     pole = _kept_off(pole[at], least)
     solved = _solve(part, pole, transient=transient)
-    for _ in range(_ITERATIONS):
-        pole = _kept_off(pole + _pole_step(part, solved, pole), least)
-        solved = _solve(part, pole, transient=transient)
+    pole = _kept_off(pole + _pole_step(part, solved, pole), least)  # of Gauss and Newton's, once
+    solved = _solve(part, pole, transient=transient)
     found = _band_fit(part, solved)
     before, after = (
         np.real(np.diagonal(residual, axis1=1, axis2=2)) * freedom[:, None]
@@ -158,57 +132,43 @@ def fit_band(
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """The lines around each frequency, (n_freq, n_flight, n_line, ...), times the kernel's root.
-
-    `terms` are the powers of ln(w / w0), `offset` (w - w0) / half, `ratio` w / w0; `left` and
-    `right` the driving and the responding signals.
-    """
+    """Lines around each frequency, (n_freq, n_flight, n_line, ...), times the kernel's root."""
 
     first: NDArray[np.intp]
-    root: NDArray[np.float64]
-    ratio: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    terms: NDArray[np.float64]
-    left: NDArray[np.complex128]
-    right: NDArray[np.complex128]
+    root: Real
+    ratio: Real
+    offset: Real
+    terms: Real
+    left: Complex
+    right: Complex
 
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Least squares at each frequency, (n_freq, ...), given the pole of each.
+    """Least squares at each frequency for a given pole of each.
 
-    Attributes:
-        over: (n_freq, n_row) 1 / (1 - d/p), what the pole makes of each line.
-        basis: (n_freq, n_flight, n_line, TRANSIENT) orthonormal terms of the transients.
-        design: (n_freq, n_row, n_column) without what transients could be.
-        every: (n_freq, n_column, n_row) by which the solution takes the lines.
-        solution, remainder: (n_freq, n_column, n_response), (n_freq, n_row, n_response).
-        loose: (n_freq, n_row) what of a disturbance's power in each line remains.
-        freedom, fits: as in `BandFit`.
+    `over` is (n_freq, n_row) 1 / (1 - d/p), `basis` (n_freq, n_flight, n_line, TRANSIENT), `design`
+    (n_freq, n_row, n_column), `solution` (n_freq, n_column, n_response).
     """
 
-    over: NDArray[np.complex128]
-    basis: NDArray[np.complex128] | None
-    design: NDArray[np.complex128]
-    every: NDArray[np.complex128]
-    solution: NDArray[np.complex128]
-    remainder: NDArray[np.complex128]
-    loose: NDArray[np.float64]
-    freedom: NDArray[np.float64]
+    over: Complex
+    basis: Complex | None
+    design: Complex
+    every: Complex
+    solution: Complex
+    remainder: Complex
+    loose: Real
+    freedom: Real
     fits: NDArray[np.bool_]
 
-    def cleared(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return (n_freq, n_row, n) values without what the fit could explain of them."""
+    def cleared(self, values: Complex) -> Complex:
+        """Return values, (n_freq, n_row, n), without the part that the fit explains."""
         values = _without(self.basis, values)
         return values - self.design @ (self.every @ values)
 
 
 def _gather(
-    lines: Lines,
-    drive: list[int],
-    response: list[int],
-    frequency: NDArray[np.float64],
-    half: NDArray[np.float64],
+    lines: Lines, drive: list[int], response: list[int], frequency: Real, half: Real
 ) -> _Band:
     first, count = lines.within(frequency - half, frequency + half)
     index = first[:, :, None] + np.arange(max(int(count.max()), 1))
@@ -224,8 +184,7 @@ def _gather(
     return _Band(first, root, ratio, offset, terms, values[..., drive], values[..., response])
 
 
-def _solve(band: _Band, pole: NDArray[np.complex128] | None, *, transient: bool) -> _Solved:
-    """Solve the normal equations, scaled, and say how the solution follows from each line."""
+def _solve(band: _Band, pole: Complex | None, *, transient: bool) -> _Solved:
     n_freq = band.root.shape[0]
     over = np.ones(band.root.shape, dtype=np.complex128)
     if pole is not None:
@@ -267,21 +226,17 @@ def _solve(band: _Band, pole: NDArray[np.complex128] | None, *, transient: bool)
     )
 
 
-def _without(
-    basis: NDArray[np.complex128] | None, values: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return (n_freq, n_row, n) values less their part in the basis, each flight's own."""
+def _without(basis: Complex | None, values: Complex) -> Complex:
+    """Return values, (n_freq, n_row, n), less their part in each flight's basis."""
     if basis is None:
         return values
     apart = values.reshape(*basis.shape[:3], -1)
     return (apart - basis @ (basis.conj().swapaxes(2, 3) @ apart)).reshape(values.shape)
 
 
-def _orthonormal(
-    offset: NDArray[np.float64], root: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _orthonormal(offset: Real, root: Complex) -> Complex:
     """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT); or zeros."""
-    terms: list[NDArray[np.complex128]] = []
+    terms: list[Complex] = []
     for power in range(TRANSIENT):
         term = root * offset**power
         size = np.linalg.norm(term, axis=2, keepdims=True)
@@ -293,14 +248,8 @@ def _orthonormal(
     return np.stack(terms, axis=-1)
 
 
-def _linear_pole(
-    band: _Band, solved: _Solved
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return the pole of a linear fit, (n_freq,) in half widths from the middle, and its worth.
-
-    Of A Y = B U + T + E, with A = a + b d, the equation error is least relative to what the
-    disturbance gives to it. Its worth is what it takes off chi^2, mean over responding signals.
-    """
+def _linear_pole(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
+    """Return the pole of A Y = B U + T + E, (n_freq,) in half widths, and its fall of chi^2."""
     fitted, size = _fitted(band, solved)
     offset = band.offset.reshape(*solved.over.shape, 1)
     one = solved.remainder / size
@@ -310,7 +259,7 @@ def _linear_pole(
     chance = np.stack([np.sum(solved.loose * offset[..., 0] ** k, axis=1) for k in range(3)])
     chance /= np.maximum(chance[0], 1e-300)
     root = np.sqrt(np.maximum(chance[2] - chance[1] ** 2, 1e-6))
-    # L with L L^T the chance's matrix; the smallest vector in its metric
+    # L with L L^T the noise's matrix; the smallest vector in its metric
     inverse = np.zeros(power.shape)
     inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 1, 1] = 1.0, -chance[1] / root, 1.0 / root
     power = inverse @ power @ inverse.swapaxes(1, 2)
@@ -323,18 +272,16 @@ def _linear_pole(
     return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), worth
 
 
-def _pole_step(
-    band: _Band, solved: _Solved, pole: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return Gauss and Newton's step of the pole, (n_freq,); it is common to all signals."""
+def _pole_step(band: _Band, solved: _Solved, pole: Complex) -> Complex:
+    """Return Gauss and Newton's step of the common pole, (n_freq,)."""
     fitted, size = _fitted(band, solved)
     slope = solved.cleared(fitted * (solved.over / -pole[:, None])[:, :, None]) / size
     pull = np.sum(slope.conj() * solved.remainder / size, axis=(1, 2))
     return pull / np.maximum(np.sum(np.abs(slope) ** 2, axis=(1, 2)), 1e-300)
 
 
-def _fitted(band: _Band, solved: _Solved) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return what the fit explains, (n_freq, n_row, n_response), and the remainder's size."""
+def _fitted(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
+    """Return the explained part, (n_freq, n_row, n_response), and the remainder's size."""
     rest = solved.remainder
     fitted = band.right.reshape(rest.shape) - rest
     size = np.linalg.norm(rest, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
@@ -342,8 +289,7 @@ def _fitted(band: _Band, solved: _Solved) -> tuple[NDArray[np.complex128], NDArr
     return fitted, np.maximum(size, least)[:, None, :]
 
 
-def _kept_off(place: NDArray[np.complex128], least: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return poles that are no nearer to the frequency axis than `least`, and not far away."""
+def _kept_off(place: Complex, least: Real) -> Complex:
     sign = np.where(place.imag < 0.0, -1.0, 1.0)
     place = place.real + 1j * sign * np.maximum(np.abs(place.imag), least)
     return place * np.minimum(1.0, _FURTHEST / np.abs(place))

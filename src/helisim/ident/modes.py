@@ -1,24 +1,13 @@
-"""Poles and zeros of an identified model, with the errors that its parameters' errors give them.
+"""Poles and zeros of an identified model, with errors from its parameters' errors.
 
 Both are where a pencil P(s) is singular: s M - F for the poles, and for the zeros of y/u
-
-    [ F - s M     G      ]
-    [ H0 + s H1   D + s D1 ] .
-
-With null vectors l P(s_i) = 0, P(s_i) r = 0, scaled to l dP/ds r = -1, a change dP of the matrices
-moves the root by l dP r. That and the parameters' covariance are its covariance (the delta method),
-as long as roots move little against what separates them: the next term of the series is a product
-of two such changes over that distance. Where it isn't small, as of a real pair that is about to
-become a complex one, errors are marked: they are not those of a root but of one that could merge.
-
-A model can be larger than one of its responses needs. Such a part has its poles among the zeros of
-the response too, which cancel; these are left out of the zeros.
+[[F - s M, G], [H0 + s H1, D]]. With null vectors scaled to l dP/ds r = -1, a change dP moves the
+root by l dP r (delta method).
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,39 +15,28 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from helisim.base.display import Displayed
-from helisim.base.errors import IdentificationError, UnknownNameError
-from helisim.base.settings import FrozenMap, Value
+from helisim.base.errors import IdentificationError
+from helisim.base.settings import Value, check
 from helisim.ident.evaluate import SINGULAR
 from helisim.ident.expression import value_at
-from helisim.ident.structure import Structure
+from helisim.ident.structure import MATRICES, Structure
 
+# Second-order part of a root's change over its standard error, from which the error is rough; and
+# the fraction of the fastest root that is rounding in an error
 _CURVED, _ROUNDING = 0.25, 1e-13
-"""Second-order part of a root's change over its standard error, from which the error is marked; and
-the part of the fastest root that is nothing in an error."""
-_ORIGIN = 1e-9
-"""Rad/s: a root nearer to zero than that is an integrator, or a zero at the origin."""
-_NOTHING = 1e-10
-"""Part of its terms below which a sum of products is zero but for rounding."""
-_CANCELS = 1e-6
-"""Part of its size by which a zero may be off the pole that it cancels: nearly equal roots are
-known to the root of the rounding."""
-
+_ORIGIN = 1e-9  # rad/s: a root nearer to zero is an integrator, or a zero at the origin
+_NOTHING = 1e-10  # fraction of its terms below which a sum of products is rounding
+_CANCELS = 1e-6  # relative distance of a zero from the pole that it cancels
 Real = NDArray[np.float64]
 Roots = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One pole or zero, real or of a complex pair.
+    """One pole or zero, `real` in 1/s; `imag` in rad/s, never negative: a pair is one mode.
 
-    Attributes:
-        real: real part, 1/s.
-        imag: imaginary part, rad/s, never negative: a pair is one mode.
-        real_error: standard error of `real`; nan where the fit doesn't state its covariance.
-        imag_error: standard error of `imag`.
-        correlation: between the errors of `real` and `imag`.
-        separate: False where another one is so near that the two could merge within the errors,
-            so that the errors are no more than an order of magnitude.
+    Errors are standard errors, nan without the fit's covariance. Where `separate` is False it could
+    merge with another: errors are then orders of magnitude.
     """
 
     real: float
@@ -70,7 +48,7 @@ class Mode:
 
     @property
     def value(self) -> complex:
-        """The root, 1/s."""
+        """Root, 1/s."""
         return complex(self.real, self.imag)
 
     @property
@@ -92,20 +70,18 @@ class Mode:
 
     @property
     def damping(self) -> float:
-        """Damping ratio: negative where it grows, and 1 or -1 of a real one; nan at zero."""
+        """Damping ratio, negative if unstable; 1 or -1 of a real one, nan at zero."""
         return -self.real / self.frequency if self.frequency else math.nan
 
     @property
     def damping_error(self) -> float:
         """Standard error of `damping`; 0 of a real one."""
-        if not self.oscillates:
-            return 0.0
-        cube = self.frequency**3
+        cube = self.frequency**3 or math.inf
         return self._error(-(self.imag**2) / cube, self.real * self.imag / cube)
 
     @property
     def time(self) -> float:
-        """Time constant, s: what decays or grows does so by e in it; infinite on the axis."""
+        """Time constant, s, of growth or decay by e; infinite on the axis."""
         return 1.0 / abs(self.real) if self.real else math.inf
 
     @property
@@ -115,11 +91,11 @@ class Mode:
 
     @property
     def doubling(self) -> float | None:
-        """Time to double, s, of what grows; None of what decays."""
+        """Time to double, s; None if it decays."""
         return math.log(2.0) / self.real if self.real > _ORIGIN else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON; what isn't finite becomes None."""
+        """Return plain data for JSON; None for what isn't finite."""
         units = {"frequency": "frequency_rad_s", "time": "time_s", "doubling": "doubling_s"}
         names = ("real", "imag", "real_error", "imag_error", "frequency", "frequency_error")
         names += ("damping", "damping_error", "time", "time_error", "doubling")
@@ -130,33 +106,24 @@ class Mode:
         }
 
     def notes(self, name: str) -> list[str]:
-        """Return what a reader should know of it beside its numbers.
-
-        Args:
-            name: "pole", or "zero" with its response.
-        """
-        grows = f"doubles in {self.doubling:.3g} s" if self.doubling is not None else ""
-        found = ["non-minimum phase" if grows and not name.startswith("pole") else grows]
-        found.append("" if self.separate else "could merge with another: errors are rough")
-        return [one for one in found if one]
+        """Return remarks; `name` is "pole", or "zero" with its response."""
+        grows = "" if self.doubling is None else f"doubles in {self.doubling:.3g} s"
+        kind = "non-minimum phase" if grows and not name.startswith("pole") else grows
+        merges = "" if self.separate else "could merge with another: errors are rough"
+        return [one for one in (kind, merges) if one]
 
     def _error(self, by_real: float, by_imag: float) -> float:
-        """Return the standard error of what changes so by the real and the imaginary part."""
         one = by_real * self.real_error if by_real else 0.0
         other = by_imag * self.imag_error if by_imag else 0.0
-        if math.isinf(one) or math.isinf(other):
-            return math.inf
-        return math.sqrt(max(one**2 + other**2 + 2.0 * self.correlation * one * other, 0.0))
+        both = 2.0 * self.correlation * one * other if self.correlation else 0.0
+        return math.sqrt(max(one**2 + other**2 + both, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Modes(Value, Displayed):
-    """Poles of a fitted model and zeros of each of its responses, slowest first.
+    """Poles of a fitted model and zeros of each fitted response ("p/lat"), slowest first.
 
-    Attributes:
-        poles: of the model.
-        zeros: of each fitted response by name, such as "p/lat"; without those that cancel poles.
-        gains: of each fitted response, what s^(poles - zeros) leaves of it at high frequency.
+    Zeros that cancel poles are left out; `gains` are high-frequency limits of H s^(poles - zeros).
     """
 
     poles: tuple[Mode, ...]
@@ -164,49 +131,40 @@ class Modes(Value, Displayed):
     gains: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "zeros", FrozenMap(self.zeros))
-        object.__setattr__(self, "gains", FrozenMap(self.gains))
-
-    def __getitem__(self, response: str) -> tuple[Mode, ...]:
-        """Return the zeros of a response. Raises UnknownNameError."""
-        if response not in self.zeros:
-            raise UnknownNameError("response", response, self.zeros)
-        return self.zeros[response]
+        check(self)
 
     def __repr__(self) -> str:
         return f"Modes({len(self.poles)} poles; zeros of {', '.join(self.zeros)})"
 
     def __str__(self) -> str:
-        rows = [
-            (name, f"{one.real:.4g}" + (f" +- {one.imag:.4g}j" if one.oscillates else ""), one)
-            for name, one in self.named
+        shown = ["root, 1/s"] + [
+            f"{one.real:.4g}" + f" +- {one.imag:.4g}j" * one.oscillates for _, one in self.named
         ]
-        width = max((len(name) for name, *_ in rows), default=4)
-        roots = max((len(root) for _, root, _ in rows), default=0)
-        roots = max(roots, len("root, 1/s"))
+        wide, long = (
+            max(map(len, some)) for some in (["mode", *(n for n, _ in self.named)], shown)
+        )
         lines = [
-            f"{'mode':<{width}}  {'root, 1/s':>{roots}}  {'rad/s':>8} {'error':>7}  "
+            f"{'mode':<{wide}}  {shown[0]:>{long}}  {'rad/s':>8} {'error':>7}  "
             f"{'damping':>7} {'error':>7}  {'time, s':>8} {'error':>7}"
         ]
-        for name, root, one in rows:
+        for (name, one), root in zip(self.named, shown[1:]):
             damping = f"{'-':>7} {'-':>7}"
             if one.oscillates:
                 damping = f"{one.damping:7.3f} {_text(one.damping_error, 7, 2)}"
             lines.append(
-                f"{name:<{width}}  {root:>{roots}}  {_text(one.frequency, 8)} "
-                f"{_text(one.frequency_error, 7, 2)}  "
-                f"{damping}  {_text(one.time, 8)} {_text(one.time_error, 7, 2)}  "
-                f"{'; '.join(one.notes(name))}".rstrip()
+                f"{name:<{wide}}  {root:>{long}}  {_text(one.frequency, 8)} "
+                f"{_text(one.frequency_error, 7, 2)}  {damping}  {_text(one.time, 8)} "
+                f"{_text(one.time_error, 7, 2)}  {'; '.join(one.notes(name))}".rstrip()
             )
         return "\n".join(lines)
 
     @property
     def named(self) -> list[tuple[str, Mode]]:
-        """Every mode behind "pole", or "zero" with its response."""
+        """Every mode with "pole", or "zero" with its response."""
         zeros = [(f"zero {name}", one) for name, some in self.zeros.items() for one in some]
         return [*(("pole", one) for one in self.poles), *zeros]
 
-    @cached_property
+    @property
     def stable(self) -> bool:
         """Whether every pole decays."""
         return all(one.real < 0.0 for one in self.poles)
@@ -232,129 +190,83 @@ def modes(
     names: Sequence[str] = (),
     covariance: Real | None = None,
 ) -> Modes:
-    """Return poles and zeros of a structure with numbers.
+    """Return poles and zeros (of `responses`) of a structure with values.
 
-    Args:
-        structure: the model's.
-        values: every parameter by name.
-        responses: whose zeros are wanted, such as "p/lat".
-        names: of the parameters that are uncertain.
-        covariance: (n_name, n_name) of their errors, infinite on the diagonal where unknown; None
-            states no errors.
-
-    Raises:
-        IdentificationError: M is singular.
+    `covariance` is of the errors of `names`, (n_name, n_name), infinite on the diagonal if unknown.
+    Raises IdentificationError if M is singular or an entry undefined.
     """
-    poles = _pole_pencil(structure, values)
-    zeros, gains = {}, {}
-    for name in responses:
-        pencil, gains[name] = _zero_pencil(structure, values, name, poles)
-        zeros[name] = _found(pencil, names, covariance)
-    return Modes(_found(poles, names, covariance), zeros, gains)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pencil:
-    """A pencil P(s) with its roots and null vectors, l (dP/ds) r = -1.
-
-    Attributes:
-        structure: whose.
-        values: every parameter by name.
-        roots: (n_root,) where P is singular.
-        left: (n_root, n_row) null vectors.
-        right: (n_row, n_root) null vectors.
-        output, input: of the response whose zeros the roots are, in the last row and column; -1
-            where they are poles.
-    """
-
-    structure: Structure
-    values: Mapping[str, float]
-    roots: Roots
-    left: Roots
-    right: Roots
-    output: int = -1
-    input: int = -1
-
-    def changes(self, names: Sequence[str]) -> Roots:
-        """Return l_i (dP/dp)(s_i) r_j for each parameter p named, (n_name, n_root, n_root).
-
-        On the diagonal it is how fast the root moves.
-        """
-        program, count = self.structure.program, self.roots.size
-        ordered = program.ordered(self.values).tolist()
-        wanted = {program.names.index(name): k for k, name in enumerate(names)}
-        total = np.zeros((len(names), count, count), dtype=np.complex128)
-        last = len(self.structure.states)
-        for place, matrix, row, column, slope in program.dependences:
-            of_state, by_state = matrix in ("M", "F", "G"), matrix in ("M", "F", "H0", "H1")
-            here = (of_state or row == self.output) and (by_state or column == self.input)
-            if place not in wanted or not here or matrix.endswith("delays"):
-                continue
-            factor = np.full(count, value_at(slope, ordered), dtype=np.complex128)
-            if matrix == "M":
-                factor *= -self.roots
-            elif matrix in ("H1", "D1"):
-                factor *= self.roots
-            at, across = row if of_state else last, column if by_state else last
-            total[wanted[place]] += np.outer(factor * self.left[:, at], self.right[across])
-        return total
-
-
-def _pole_pencil(structure: Structure, values: Mapping[str, float]) -> _Pencil:
-    """Return the pencil F - s M, whose roots are the model's poles."""
-    filled = structure.program.fill(structure.program.ordered(values))
-    m, f = filled["M"], filled["F"]
-    n = f.shape[0]
+    filled = structure.matrices(values)
     if not all(np.all(np.isfinite(matrix)) for matrix in filled.values()):
         raise IdentificationError(
             f"a matrix entry of {structure.name!r} is undefined for these parameters, so the model "
             "has no modes"
         )
+    m, f, g, h0, h1, d = (filled[name] for name in MATRICES)
+    n = len(f)
     if n and np.linalg.cond(m) > SINGULAR:
         raise IdentificationError(
             f"the matrix M of {structure.name!r} is singular for these parameters, so not every "
             "state has a mode"
         )
-    roots, right = np.linalg.eig(np.linalg.solve(m, f)) if n else (np.empty(0), np.empty((0, 0)))
-    left, _ = _null_vectors(roots, f, m, right)
-    return _Pencil(structure, values, roots.astype(np.complex128), left, right.astype(complex))
-
-
-def _zero_pencil(
-    structure: Structure, values: Mapping[str, float], response: str, poles: _Pencil
-) -> tuple[_Pencil, float]:
-    """Return the pencil whose roots are a response's zeros, and the response's gain.
-
-    The gain is what the response tends to at high frequency, over the power of s there.
-    """
-    place = structure.delay_places("delays").get(response)
-    if place is None:
-        raise IdentificationError(f"{structure.name!r} has no response {response!r}")
-    o, i = place
-    filled = structure.program.fill(structure.program.ordered(values))
-    m, f, g = filled["M"], filled["F"], filled["G"][:, [i]]
-    h0, h1 = filled["H0"][[o]], filled["H1"][[o]]
-    d, d1 = filled["D"][o, i], filled["D1"][o, i]
-    n = f.shape[0]
     a, b = (np.linalg.solve(m, x).astype(np.float64) if n else x for x in (f, g))
-    roots, gain = _zeros(a, b, h0 + h1 @ a, float(d + (h1 @ b)[0, 0]), d1)
-    size = np.max(np.abs(poles.roots), initial=0.0)
-    roots = uncancelled(roots, poles.roots, size)
-    zero = np.block([[f, g], [h0, np.array([[d]])]])
-    rate = np.block([[m, np.zeros((n, 1))], [-h1, np.array([[-d1]])]])
-    left, right = _null_vectors(roots, zero, rate)
-    return _Pencil(structure, values, roots, left, right, o, i), gain
+    poles, right = np.linalg.eig(a) if n else (np.empty(0), np.empty((0, 0)))
+    poles = poles.astype(np.complex128)
+
+    def found(roots: Roots, left: Roots, right: Roots, place: tuple[int, int]) -> tuple[Mode, ...]:
+        some = [Mode(float(z.real) + 0.0, float(z.imag)) for z in roots]
+        if covariance is not None:
+            # coupling of two roots by a change of each parameter, (n_name, n_root, n_root)
+            joins = _changes(structure, values, names, roots, left, right, place)
+            sizes = np.abs([values[name] for name in names])
+            some = [
+                _with_errors(mode, k, roots, joins, covariance, sizes)
+                for k, mode in enumerate(some)
+            ]
+        kept = [mode for mode in some if not mode.imag < 0.0]
+        return tuple(sorted(kept, key=lambda one: (one.frequency, one.real)))
+
+    zeros, gains = {}, {}
+    for name in responses:
+        if name not in structure.pairs:
+            raise IdentificationError(f"{structure.name!r} has no response {name!r}")
+        o, i = structure.pairs[name]
+        ahead = float(d[o, i] + (h1 @ b)[o, i])
+        roots, gains[name] = _zeros(a, b[:, [i]], h0[[o]] + h1[[o]] @ a, ahead)
+        roots = uncancelled(roots, poles, np.max(np.abs(poles), initial=0.0))
+        pencil = np.block([[f, g[:, [i]]], [h0[[o]], d[[o]][:, [i]]]])
+        rate = np.block([[m, np.zeros((n, 1))], [-h1[[o]], np.zeros((1, 1))]])
+        zeros[name] = found(roots, *_null_vectors(roots, pencil, rate), (o, i))
+    left, right = _null_vectors(poles, f, m, right)
+    return Modes(found(poles, left, right, (-1, -1)), zeros, gains)
 
 
-def _zeros(a: Real, b: Real, c: Real, d: float, d1: float) -> tuple[Roots, float]:
-    """Return the zeros of c (s - A)^-1 b + d + d1 s, and its gain.
+def _changes(
+    structure: Structure,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    roots: Roots,
+    left: Roots,
+    right: Roots,
+    place: tuple[int, int],
+) -> Roots:
+    """Return l_i (dP/dp)(s_i) r_j for each named parameter p, (n_name, n_root, n_root)."""
+    program, count, last = structure.program, roots.size, len(structure.states)
+    ordered = program.ordered(values).tolist()
+    wanted = {program.names.index(name): k for k, name in enumerate(names)}
+    total = np.zeros((len(names), count, count), dtype=np.complex128)
+    for parameter, matrix, row, column, slope in program.dependences:
+        of_state, by_state = matrix in ("M", "F", "G"), matrix in ("M", "F", "H0", "H1")
+        here = (of_state or row == place[0]) and (by_state or column == place[1])
+        if parameter not in wanted or not here or matrix.endswith("delays"):
+            continue
+        factor = np.full(count, value_at(slope, ordered), dtype=np.complex128)
+        factor *= {"M": -roots, "H1": roots}.get(matrix, 1.0)
+        at, across = row if of_state else last, column if by_state else last
+        total[wanted[parameter]] += np.outer(factor * left[:, at], right[across])
+    return total
 
-    An output held at zero by its input leaves the states of its own motion: those that neither
-    the output nor its rates up to the order that the input enters see.
-    """
-    if d1:
-        held = np.block([[a, b], [-c / d1, np.array([[-d / d1]])]])
-        return np.linalg.eigvals(held).astype(np.complex128), d1
+
+def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Roots, float]:
     if d:
         return np.linalg.eigvals(a - b @ c / d).astype(np.complex128), d
     row, seen, reach = c, [], np.abs(c)
@@ -370,13 +282,7 @@ def _zeros(a: Real, b: Real, c: Real, d: float, d1: float) -> tuple[Roots, float
 
 
 def uncancelled(zeros: Roots, poles: Roots, size: float) -> Roots:
-    """Return the zeros without those that poles cancel, each pole at most one.
-
-    Args:
-        zeros: (n_zero,).
-        poles: (n_pole,).
-        size: of the fastest pole: roots below a thousandth of it are compared by that.
-    """
+    """Return zeros without those that poles cancel, relative to `size`, the fastest pole's."""
     left, kept = list(poles), []
     for zero in zeros:
         near = [abs(zero - pole) for pole in left]
@@ -390,10 +296,6 @@ def uncancelled(zeros: Roots, poles: Roots, size: float) -> Roots:
 def _null_vectors(
     roots: NDArray, zero: Real, rate: Real, right: NDArray | None = None
 ) -> tuple[Roots, Roots]:
-    """Return the pencil's null vectors at its roots, scaled to l rate r = 1.
-
-    Each is scaled by its size in the states' units.
-    """
     count, size = roots.size, zero.shape[0]
     lefts = np.zeros((count, size), dtype=np.complex128)
     rights = np.zeros((size, count), dtype=np.complex128)
@@ -406,21 +308,6 @@ def _null_vectors(
     return lefts, rights
 
 
-def _found(pencil: _Pencil, names: Sequence[str], covariance: Real | None) -> tuple[Mode, ...]:
-    """Return the pencil's roots with their errors."""
-    found = [Mode(float(z.real) + 0.0, float(z.imag)) for z in pencil.roots]
-    if covariance is not None:
-        # (n_name, n_root, n_root) by which a change of each parameter joins two roots
-        joins = pencil.changes(names)
-        values = np.abs([pencil.values[name] for name in names])
-        found = [
-            _with_errors(mode, k, pencil.roots, joins, covariance, values)
-            for k, mode in enumerate(found)
-        ]
-    found = [mode for mode in found if not mode.imag < 0.0]
-    return tuple(sorted(found, key=lambda one: (one.frequency, one.real)))
-
-
 def _with_errors(
     mode: Mode, k: int, roots: Roots, joins: Roots, covariance: Real, values: Real
 ) -> Mode:
@@ -429,7 +316,7 @@ def _with_errors(
     known = np.where(unknown[:, None] | unknown[None, :], 0.0, covariance)
     parts = np.array([slope.real, slope.imag])
     inside = parts @ known @ parts.T
-    # A parameter that the data do not see leaves a root unknown, unless it does not move it.
+    # an unseen parameter leaves a root unknown, unless it does not move it
     reach = np.abs(slope) * values > 1e-9 * max(mode.frequency, 1e-9)
     if bool(np.any(unknown & reach)) or not np.all(np.isfinite(slope)):
         return Mode(mode.real, mode.imag, math.inf, math.inf if mode.imag else 0.0, 0.0, False)
@@ -439,7 +326,7 @@ def _with_errors(
     imag = imag if mode.imag else 0.0
     correlation = float(inside[0, 1]) / (real * imag) if real * imag > 0.0 else 0.0
     size = math.hypot(real, imag)
-    # mean square by which the errors join two roots, there and back
+    # mean square by which the errors couple two roots, both ways
     power = np.maximum(np.einsum("pij,pq,qij->ij", joins, known, joins.conj()).real, 0.0)
     bend = np.sqrt(power[k] * power[:, k])
     near = (bend > 0.0) & (bend > _CURVED * size * np.abs(roots[k] - roots))

@@ -1,13 +1,9 @@
-"""Rational fits of measured responses at many delays, from no start at all.
+"""Rational fits of measured responses at many delays, without starts.
 
     H(s) = e^(-tau s) (b_m s^m + ... + b0) / (s^n + a_(n-1) s^(n-1) + ... + a0)
 
-With the delay given, the relative error times the denominator is linear in the coefficients;
-weighed by the denominator of the step before, the solutions tend to the smallest relative error
-(Sanathanan and Koerner, IEEE Trans. Automatic Control 8, 1963). Every delay of a grid is solved
-at once. Several responses may share the denominator. Frequencies are scaled by the band's
-geometric mean, so that the powers stay of one order. From there all of them descend together to
-the smallest relative error, delays free.
+by Sanathanan and Koerner (IEEE Trans. Automatic Control 8, 1963) at each delay, then descents with
+free delays. Frequencies are scaled by the band's geometric mean.
 """
 
 from typing import NamedTuple
@@ -18,39 +14,22 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 
 _STEPS, _SETTLED = 20, 1e-6
-"""Sanathanan-Koerner steps: most are done in five, lightly damped poles in noise take more; and the
-fraction by which a denominator that has settled changes."""
 _DESCENT, _ARRIVED = 60, 1e-6
-"""Levenberg-Marquardt steps, and the fraction by which the squared error falls at the end."""
-STEP = 0.5
-"""rad: how far two delays of a grid turn the phase at the top of the band from each other."""
+STEP = 0.5  # rad: phase between delays of a grid at the band's top
 _LONGEST, _CYCLES, _LEAD = 0.5, 2.0, 0.3
-"""Delays are looked for up to so many s in any band, and so many cycles of the band's top; and down
-to such a lead, s: recorders skew their channels against each other."""
 
 ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
-"""Zeros and poles that are tried, the smallest first."""
+"""Zeros and poles to try, smallest first."""
 _BETTER, _ENOUGH = 0.5, 0.03
-"""Of the error of fewer coefficients, that more must leave at most; and the relative error, rms, at
-which fewer are enough for a start."""
-_INSIDE = (0.3, 2.0)
-"""Of the band's edges, between which all poles must be: others can't be told from the data."""
-FAST = 0.4
-"""Of the band's top, from which an unstable pole is no aircraft's that anyone flew: with a delay
-that is too long it stands for a lag that the order has no room for."""
-_POINTS = 3
-"""Frequencies a coefficient, at least."""
+_INSIDE = (0.3, 2.0)  # of the band's edges, between which all poles must be
+FAST = 0.4  # of the band's top, above which an unstable pole stands for a missing lag
+_POINTS = 3  # least frequencies a coefficient
 
 
 class Rationals(NamedTuple):
-    """Rational fits that began at each of several delays.
+    """Rational fits from several delays, (n_delay,) s each, with relative rms `errors`.
 
-    Attributes:
-        begun: (n_delay,) s, where each began.
-        delays: (n_delay,) s, where each ended.
-        numerators: (n_delay, zeros + 1), from s^0 up.
-        denominators: (n_delay, poles + 1), from s^0 up; the last is 1.
-        errors: (n_delay,) root of the weighted mean square of the relative errors.
+    Coefficients are (n_delay, n_order + 1), from s^0 up.
     """
 
     begun: Real
@@ -61,11 +40,7 @@ class Rationals(NamedTuple):
 
 
 def delay_grid(frequency: Real, low: float = -_LEAD, high: float = np.inf) -> Real:
-    """Return the delays to look at, s, for a band, (n_freq,) rad/s, and bounds of the delay.
-
-    They reach from a lead of 0.3 s to 0.5 s or two cycles of the band's top, whichever is longer,
-    as far as the bounds allow.
-    """
+    """Return delays to try, s, for (n_freq,) rad/s: -0.3 s to 0.5 s or two cycles at the top."""
     top = float(np.max(frequency))
     low = max(low, -_LEAD)
     high = max(min(high, max(_LONGEST, 2.0 * np.pi * _CYCLES / top)), low)
@@ -83,18 +58,10 @@ def rational_fits(
     fixed: bool = False,
     known: Real | None = None,
 ) -> Rationals:
-    """Fit a response from each delay.
+    """Fit a response, (n_freq,) over rad/s, from each delay, (n_delay,) s, increasing.
 
-    Args:
-        frequency: (n_freq,) rad/s.
-        measured: (n_freq,) response.
-        weight: (n_freq,) of the squared relative errors.
-        zeros: order of the numerator.
-        poles: order of the denominator.
-        delays: (n_delay,) s, increasing.
-        fixed: keep the delays where they begin.
-        known: (zeros + 1 + poles,) coefficients that are given, the numerator's first, from s^0
-            up; nan where they are sought. By default all are.
+    Weights (n_freq,) are of squared relative errors. `known` coefficients are (zeros + 1 + poles,),
+    the numerator's first, from s^0 up; nan where sought.
     """
     unit = float(np.sqrt(np.min(frequency) * np.max(frequency)))
     scaled = (1j * frequency / unit).astype(np.complex128)
@@ -126,11 +93,10 @@ def _sanathanan_koerner(
     delays: Real,
     given: Real,
 ) -> tuple[Real, Real]:
-    """Return the best numerator and denominator at each delay, frequencies scaled."""
     zeros, poles = orders
     sought = np.isnan(given)
     target = measured * np.exp(powers[:, 1] * delays[:, None])
-    # The denominator of the first step has its poles in the middle of the band, well damped.
+    # The first denominator has its poles in the middle of the band, well damped.
     previous = np.ones((delays.size, 1)) * np.atleast_1d(np.poly(-np.ones(poles)))
     least = np.full(delays.size, np.inf)
     numerators: Real = np.zeros((delays.size, zeros + 1))
@@ -168,11 +134,6 @@ def _descend(
     delays: Real,
     sought: NDArray[np.bool_],
 ) -> tuple[Real, ...]:
-    """Go from each start to a smallest relative error, by Levenberg and Marquardt, all at once.
-
-    Returns:
-        Numerators, denominators, delays and errors.
-    """
     zeros, poles = top.shape[1] - 1, bottom.shape[1] - 1
     now = np.concatenate([top, bottom[:, :poles], delays[:, None]], axis=1)
 
@@ -218,12 +179,7 @@ def _descend(
 
 
 def _least_squares(rows: Real, damping: Real | None = None) -> Real:
-    """Solve stacks of least-squares problems, columns scaled to one; damped if asked.
-
-    Args:
-        rows: (n_stack, n_row, n_unknown + 1), the last column the right-hand side.
-        damping: (n_stack,) of the scaled unknowns' squares.
-    """
+    """Solve stacks (n_stack, n_row, n_unknown + 1) of least squares, damped if asked."""
     size = np.sqrt(np.sum(rows**2, axis=-2, keepdims=True))
     size[size == 0.0] = 1.0
     unknowns = rows.shape[-1] - 1
@@ -236,31 +192,16 @@ def _least_squares(rows: Real, damping: Real | None = None) -> Real:
     return solved * size[:, 0, -1:] / size[:, 0, :-1]
 
 
-def order(
-    omega: Real,
-    response: NDArray[np.complex128],
-    *,
-    begun: tuple[int, int] = ORDERS[0],
-    enough: float = _ENOUGH,
-) -> tuple[int, int]:
-    """Return the zeros and poles of the first transfer function that follows a response.
+def order(omega: Real, response: NDArray[np.complex128]) -> tuple[int, int]:
+    """Return zeros and poles of the smallest transfer function that follows a response, (n_freq,).
 
-    One with more of them must halve the error, with poles that the band shows, and none both
-    unstable and fast. Where none does, it is what was begun with.
-
-    Args:
-        omega: (n_freq,) rad/s, increasing.
-        response: (n_freq,) output over input, where it is coherent.
-        begun: zeros and poles, from which to go on to larger ones.
-        enough: relative error, rms, at which no larger one is tried.
+    Frequencies, (n_freq,) rad/s, increase.
     """
-    chosen, (best, roots) = begun, _tried(omega, response, *begun)
+    chosen, (best, roots) = ORDERS[0], _tried(omega, response, *ORDERS[0])
     if np.any((roots.real > 0.0) & (np.abs(roots) > FAST * omega[-1])):
-        best = max(2.0 * best, 1.01 * enough)  # any that needs no such pole is better
-    for zeros, poles in ORDERS:
-        if (zeros, poles) == begun or zeros < begun[0] or poles < begun[1]:
-            continue
-        if best < enough or omega.size < _POINTS * (zeros + poles + 1):
+        best = max(2.0 * best, 1.01 * _ENOUGH)  # any without such a pole is better
+    for zeros, poles in ORDERS[1:]:
+        if best < _ENOUGH or omega.size < _POINTS * (zeros + poles + 1):
             break
         error, roots = _tried(omega, response, zeros, poles)
         size = np.abs(roots)
@@ -274,7 +215,6 @@ def order(
 def _tried(
     omega: Real, response: NDArray[np.complex128], zeros: int, poles: int
 ) -> tuple[float, NDArray[np.complex128]]:
-    """Return the error, rms and relative, and the poles of the best delay."""
     found = rational_fits(
         omega,
         response,

@@ -1,9 +1,4 @@
-"""Searches for the minimum of a cost: descents from several starts until two of them agree.
-
-A search finds a minimum only from a delay that turns the phase less than about half a turn too
-far, so delays are scanned: of a transfer function with the rational fit of the data at each delay,
-of any other structure with the gains solved from the data at each. Then come scattered starts.
-"""
+"""Searches for the minimum of a cost: descents from several starts until two of them agree."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -19,39 +14,26 @@ from helisim.ident.rational import STEP, delay_grid, rational_fits
 from helisim.ident.structure import DELAYS, Structure
 from helisim.ident.transfer import Rational, rational_form
 
-_APPROACH_STEPS = 60
-"""Evaluations of the search through relative errors, which only has to find the valley."""
+_APPROACH_STEPS = 60  # evaluations by relative errors, which only have to find the valley
+# Average cost at which a minimum that two starts share is believed: the guideline's limit; and the
+# average cost that is none where the noise isn't known: 0.02 dB everywhere
 _GOOD_ENOUGH, _NO_NOISE = 100.0, 1e-2
-"""Average cost from which a minimum that two starts share is believed, the guideline's limit; and
-that is none where nothing is known of the noise: 0.02 dB everywhere."""
-_NOISE = 2.0
-"""Squared standardised residuals, as a multiple of the expected, up to which noise explains them:
-half of it would be 1 if the points' errors were known exactly."""
-_SAME_COST = 1e-4
-"""Two searches found the same minimum when their costs agree to this fraction."""
+_NOISE = 2.0  # squared standardised residuals over the expected, explained by noise
+_SAME_COST = 1e-4  # relative difference of equal costs
+# Standard deviation of the starts' logarithm, a factor of 2 either way; and the share of the
+# unbounded parameters that a race tries with the other sign
 _SPREAD, _FLIPPED = 0.7, 0.2
-"""Standard deviation of the starts' natural logarithm: a factor of 2 either way; and the share of
-the unbounded parameters that a race tries with the other sign."""
+# Scattered starts of which the best is searched from, each as dear as one step; starts that race
+# from the third search on; and steps of a lap, after which the slower half drops out
 _HANDFUL, _CROWD, _LAP = 8, 16, 6
-"""Scattered starts of which the best one is searched from, each costs as much as one step; that
-race each other, from the third start on; and steps of a race at which the slower half drops out."""
-_BESIDE = 4
-"""Steps of the delays by which a minimum is looked past: two radians at the top of the band."""
-_VALLEYS, _NEARLY = 4, 1.5
-"""Different rational fits that are searched from, and of what error over the best one's."""
+_BESIDE = 4  # steps of the delays by which starts beside a minimum differ
+_VALLEYS, _NEARLY = 4, 1.5  # Rational fits to search from; their largest error over the best one's
 
 Real = NDArray[np.float64]
 
 
 class Start(NamedTuple):
-    """Where a search begins.
-
-    Attributes:
-        x: (n_free,) the free parameters.
-        delays: (n_delay,) s, from which x was found.
-        chosen: from so many others that it needs no further one beside it: by a race, or from the
-            rational fits of all delays.
-    """
+    """Start of a search, (n_free,), and its delays, (n_delay,) s; `chosen` if the best of many."""
 
     x: Real
     delays: Real
@@ -59,7 +41,7 @@ class Start(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """Where one search ended, and where it began."""
+    """End of a search, and its start."""
 
     x: Real
     cost: float
@@ -70,15 +52,7 @@ class Minimum(NamedTuple):
 def search(
     cost: Cost, searches: int, seed: int, on_progress: Callable[[str], None]
 ) -> tuple[Minimum, int]:
-    """Search from several starts until two of them end in the same good minimum.
-
-    Where the structure has delays, only starts at different delays count. Where more is left than
-    noise, one of the starts must have been chosen from many, and none lead lower from delays well
-    beside the minimum.
-
-    Returns:
-        The best minimum, and how many starts agree on it.
-    """
+    """Return the best minimum and the number of starts, at different delays, that agree on it."""
     enough = _GOOD_ENOUGH * len(cost.points.pairs)
     if not cost.structure.free:
         x = np.empty(0)
@@ -102,7 +76,6 @@ def search(
 
 
 def _only_noise(cost: Cost, best: Minimum) -> bool:
-    """Return whether a minimum leaves no more than the points' errors."""
     if not cost.noisy:
         return best.cost <= _NO_NOISE * len(cost.points.pairs)
     left = cost.standardised(best.x)
@@ -110,7 +83,7 @@ def _only_noise(cost: Cost, best: Minimum) -> bool:
 
 
 def agreed(found: Sequence[Minimum], delays: "Delays") -> tuple[Minimum, int]:
-    """Return the lowest minimum and how many starts, at different delays, ended there."""
+    """Return the lowest minimum and the number of starts, at different delays, that reached it."""
     best = min(found, key=lambda minimum: minimum.cost)
     counted: list[Minimum] = []
     for one in found:
@@ -122,30 +95,26 @@ def agreed(found: Sequence[Minimum], delays: "Delays") -> tuple[Minimum, int]:
 
 
 def descend(cost: Cost, start: Start) -> Minimum:
-    """Go from a start to a minimum of J: first by relative errors, then by J itself."""
-    near = _approach(cost, start.x, _APPROACH_STEPS)
-    best: Minimum | None = None
+    """Descend from a start to a minimum of J: first by relative errors, then by J."""
+    best = Minimum(_approach(cost, start.x, _APPROACH_STEPS), math.inf, False, start)
     for unwrap in (True, False):
-        origin = near if best is None else best.x
-        end = _minimum(cost, partial(cost.log, unwrap=unwrap), cost.log_jacobian, origin)
+        end = _minimum(cost, partial(cost.log, unwrap=unwrap), cost.log_jacobian, best.x)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
-        if best is None or wrapped < best.cost:
+        if wrapped < best.cost:
             best = Minimum(end.x, wrapped, end.status > 0, start)
         if math.isclose(wrapped, 2.0 * float(end.cost), rel_tol=1e-9, abs_tol=1e-12):
             break
-    assert best is not None  # the loop ran
     return best
 
 
 def refine(cost: Cost, best: Minimum) -> Minimum:
-    """Go on from a minimum of J to the one where each point counts by its own error."""
+    """Descend from a minimum of J to the one weighed by each point's own error."""
     end = _minimum(cost, cost.standardised, cost.standardised_jacobian, best.x)
     wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
     return Minimum(end.x, wrapped, best.converged and end.status > 0, best.start)
 
 
 def _approach(cost: Cost, x: Real, steps: int) -> Real:
-    """Return where at most `steps` steps lead from x to fewer relative errors, smooth at zero."""
     return _minimum(cost, cost.relative, cost.relative_jacobian, x, 1e-4, 1e-8, steps).x
 
 
@@ -158,7 +127,6 @@ def _minimum(
     gradient: float = 1e-10,
     steps: int = 300,
 ) -> OptimizeResult:
-    """Go from a point towards a minimum, strictly within the limits as a trust region has to."""
     low, high = cost.limits
     margin = np.where(np.isfinite(high - low), 1e-9 * (high - low), 0.0)
     return least_squares(
@@ -175,7 +143,7 @@ def _minimum(
 
 
 def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
-    """Yield `count` starts, the most likely one first."""
+    """Yield `count` starts, the most likely first."""
     random = np.random.default_rng(seed)
     delays, gains = Delays(cost), linear_parameters(cost.structure)
     form = rational_form(cost.structure)
@@ -187,8 +155,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
         x = np.clip(x, *cost.limits)
         if delays.index.size:
             x = delays.scan(x, gains, taken[-1:])
-        x = _solve_gains(cost, x, gains)
-        return Start(np.clip(x, *cost.limits), x[delays.index])
+        return _solved(cost, x, gains, delays)
 
     def distance(start: Start) -> float:
         return float(np.sum(cost.relative(start.x) ** 2))
@@ -199,7 +166,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
         elif number == 1:
             crowd = [solved(scattered(cost.structure, random, 0.0)) for _ in range(_HANDFUL)]
             best = min(crowd, key=distance)
-        else:  # a race, in which the slower half drops out at each lap
+        else:  # a race: the slower half drops out at each lap
             crowd = [solved(scattered(cost.structure, random, _FLIPPED)) for _ in range(_CROWD)]
             while len(crowd) > 1:
                 crowd = [Start(_approach(cost, one.x, _LAP), one.delays) for one in crowd]
@@ -210,44 +177,30 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
 
 
 def beside(cost: Cost, x: Real) -> list[Start]:
-    """Return starts on either side of a minimum x, (n_free,): all delays moved, gains solved.
-
-    A wrong delay often has a wrong sign or a zero on the wrong side with it, which hold it there.
-    """
+    """Return starts on either side of a minimum: all delays moved, gains solved."""
     delays, gains = Delays(cost), linear_parameters(cost.structure)
-    found = []
-    for steps in (-_BESIDE, _BESIDE) if delays.index.size else ():
-        moved = x.copy()
-        moved[delays.index] += steps * delays.apart
-        moved = _solve_gains(cost, np.clip(moved, *cost.limits), gains)
-        moved = np.clip(moved, *cost.limits)
-        found.append(Start(moved, moved[delays.index]))
-    return found
+    steps = np.zeros(x.size)
+    steps[delays.index] = _BESIDE * delays.apart
+    sides = (-steps, steps) if delays.index.size else ()
+    return [_solved(cost, np.clip(x + one, *cost.limits), gains, delays) for one in sides]
 
 
 def _rational_starts(cost: Cost, form: Rational) -> list[Start]:
-    """Return starts from the rational fits of the only response, the best first.
-
-    First come the different fits that are nearly as good as the best, then those that ended there
-    from another delay.
-    """
     frequency, structure = cost.points.frequency, cost.structure
-    parameter = None if form.delay is None else structure.parameter(form.delay)
-    grid, fixed = np.array([0.0]), True
-    if parameter is not None:
-        fixed = parameter.fixed
-        low, high = parameter.limits
-        grid = np.array([parameter.start]) if fixed else delay_grid(frequency, low, high)
     starts = {**structure.starts, **dict.fromkeys(cost.names, np.nan)}
+    fixed = form.delay not in cost.names
+    grid = np.array([starts[form.delay] if form.delay else 0.0])
+    if form.delay and not fixed:
+        grid = delay_grid(frequency, *structure.parameter(form.delay).limits)
     fits = rational_fits(
         frequency,
-        cost.points.measured * (1j * frequency) ** form.power,
+        cost.points.measured,
         cost.certainty,
         zeros=form.zeros,
         poles=form.poles,
         delays=grid,
         fixed=fixed,
-        known=np.array([starts[name] for name in form.names]) if form.names else None,
+        known=np.array([starts[name] for name in form.names]),
     )
     first: list[Start] = []
     again: list[Start] = []
@@ -257,9 +210,8 @@ def _rational_starts(cost: Cost, form: Rational) -> list[Start]:
         end = (float(fits.errors[k]), float(fits.delays[k]))
         if end[0] > _NEARLY * fits.errors.min():
             break
-        values = form.values(fits.numerators[k], fits.denominators[k])
-        if form.delay is not None:
-            values[form.delay] = end[1]
+        found = (*fits.numerators[k].tolist(), *fits.denominators[k, :-1].tolist())
+        values = {**dict(zip(form.names, found)), form.delay: end[1]}
         x = np.clip(np.array([values[name] for name in cost.names]), *cost.limits)
         begun = np.zeros(0) if fixed else fits.begun[k : k + 1]
         known = any(
@@ -272,7 +224,7 @@ def _rational_starts(cost: Cost, form: Rational) -> list[Start]:
 
 
 def scattered(structure: Structure, random: np.random.Generator, flipped: float) -> Real:
-    """Return scattered free parameters, (n_free,), a share of the unbounded of the other sign."""
+    """Return scattered free parameters, (n_free,), some unbounded ones of the other sign."""
     own = np.array([parameter.start for parameter in structure.free])
     size = np.array([parameter.magnitude for parameter in structure.free])
     factor = np.exp(_SPREAD * random.standard_normal(own.size))
@@ -283,10 +235,7 @@ def scattered(structure: Structure, random: np.random.Generator, flipped: float)
 
 
 def linear_parameters(structure: Structure) -> NDArray[np.intp]:
-    """Return which free parameters act linearly, (n_gain,): they stand in G, D and D1 only.
-
-    They may also stand between known dynamics at an input, such as a servo's, and the rest.
-    """
+    """Return which free parameters act linearly, (n_gain,): those only in G and D."""
     upstream = _upstream(structure)
     elsewhere: set[str] = set()
     within: set[str] = set()
@@ -294,14 +243,13 @@ def linear_parameters(structure: Structure) -> NDArray[np.intp]:
         between = (
             entry.matrix in ("F", "M") and entry.column in upstream and entry.row not in upstream
         )
-        gain = entry.matrix in ("D", "D1") or (entry.matrix == "G" and entry.row not in upstream)
+        gain = entry.matrix == "D" or (entry.matrix == "G" and entry.row not in upstream)
         (within if gain or between else elsewhere).update(entry.expression.names)
     gains = within - elsewhere
     return np.flatnonzero([parameter.name in gains for parameter in structure.free])
 
 
 def _upstream(structure: Structure) -> set[int]:
-    """Return the states between an input and the rest that nothing but known numbers drives."""
     size = len(structure.states)
     reaches = np.eye(size, dtype=np.bool_)
     free = {parameter.name for parameter in structure.free}
@@ -321,27 +269,17 @@ def _upstream(structure: Structure) -> set[int]:
     return found if len(found) < size else set()
 
 
-def _solve_gains(cost: Cost, x: Real, gains: NDArray[np.intp]) -> Real:
-    """Return x with the gains that fit the measured response best, all else given."""
-    if gains.size == 0:
-        return x
-    residual, jacobian = cost.relative(x), cost.relative_jacobian(x)[:, gains]
-    if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(jacobian))):
-        return x
-    solved = x.copy()
-    solved[gains] -= np.linalg.lstsq(jacobian, residual, rcond=1e-9)[0]
-    return solved
+def _solved(cost: Cost, x: Real, gains: NDArray[np.intp], delays: "Delays") -> Start:
+    x = x.copy()
+    if gains.size:
+        residual, jacobian = cost.relative(x), cost.relative_jacobian(x)[:, gains]
+        x[gains] -= np.linalg.lstsq(jacobian, residual, rcond=1e-9)[0]
+    x = np.clip(x, *cost.limits)
+    return Start(x, x[delays.index])
 
 
 class Delays:
-    """The free delays of a structure: which they are, where to look, and what they fit best.
-
-    Attributes:
-        index: (n_delay,) where they are among the free parameters.
-        grids: the values to look at of each, s.
-        apart: (n_delay,) s, by which two must differ to be different starts: what turns the top
-            of the band by half a radian, or half of what the bounds leave.
-    """
+    """Free delays: (n_delay,) `index`, values to try of each, s, least difference of starts, s."""
 
     def __init__(self, cost: Cost) -> None:
         structure, points = cost.structure, cost.points
@@ -349,10 +287,7 @@ class Delays:
         slope = np.zeros((len(cost.names), len(structure.outputs), len(structure.inputs)))
         everything = slice(None)
         for matrix, row, column, expression in structure.entries:
-            place = {
-                "input_delays": (everything, column),
-                "output_delays": (row, everything),
-            }.get(matrix, (row, column))
+            place = (everything, column) if matrix == "input_delays" else (row, everything)
             slopes = expression.evaluate(known)[1] if matrix in DELAYS else {}
             for name, derivative in slopes.items():
                 if name in cost.names:
@@ -363,26 +298,17 @@ class Delays:
         self.grids = [delay_grid(points.frequency, low, high) for low, high in limits]
         step = STEP / float(np.max(points.frequency))
         self.apart = np.array([min(step, 0.5 * np.ptp(grid)) for grid in self.grids])
-        # rad by which a second of each delay turns each point
+        # phase of each point by a second of each delay, rad
         self._turn = points.frequency * slope[self.index][:, points.output, points.input]
 
     def differ(self, one: Real, other: Real) -> bool:
-        """Return whether two vectors of delays, each (n_delay,) s, are a step apart."""
+        """Return whether two vectors of delays, (n_delay,) s each, are a step apart."""
         return bool(np.any(np.abs(one - other) >= 0.99 * self.apart))
 
     def scan(self, x: Real, gains: NDArray[np.intp], taken: Sequence[Real] = ()) -> Real:
-        """Return free parameters with the best delays: all alike first, then one at a time.
+        """Return free parameters with the best delays for x, (n_free,): all alike, then one by one.
 
-        The gains are solved at each. A delay turns the response that is known at x, so nothing is
-        evaluated but that.
-
-        Args:
-            x: (n_free,) the free parameters.
-            gains: which of them act linearly, (n_gain,).
-            taken: delays to stay a step away from, each (n_delay,) s, where the bounds allow it.
-
-        Returns:
-            (n_free,).
+        `gains` (n_gain,) act linearly; `taken` are delays, (n_delay,) s, to stay a step away from.
         """
         z, slope = self._cost.ratio(x)
         if not (np.all(np.isfinite(z)) and np.all(np.isfinite(slope))):
@@ -399,7 +325,7 @@ class Delays:
         def best(delays: Real) -> Real | None:
             apart = [all(self.differ(one, other) for other in taken) for one in delays]
             delays = delays[apart]
-            # |turn (g s + rest) - 1| = |g s + rest - 1 / turn|, so what gains can do never changes
+            # |turn (g s + rest) - 1| = |g s + rest - 1 / turn|: the gains' span is constant
             back = np.exp(1j * ((delays - here) @ self._turn))
             target = _real(root * (back - rest))
             squares = np.sum(target**2, axis=1) - np.sum((target @ basis.T) ** 2, axis=1)

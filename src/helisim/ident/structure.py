@@ -1,11 +1,9 @@
 """Model structures as data: named parameters and expressions for the matrix entries.
 
     M dx/dt = F x + G u(t - tau_in)
-    y(t + tau_out) = H0 x + H1 dx/dt + D u(t - tau_in) + D1 du/dt(t - tau_in)
+    y(t + tau_out) = H0 x + H1 dx/dt + D u(t - tau_in)
 
-A delay belongs to an input, to an output, or to a pair of them, where one input reaches two
-outputs by different ways; those of a response add up. It may be negative: recorder channels can
-be skewed against each other.
+A negative delay is a channel recorded early.
 """
 
 import math
@@ -19,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, check_known
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import (
     FrozenMap,
@@ -35,34 +33,21 @@ from helisim.base.settings import (
 )
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program
 
-Entries = tuple[tuple[str, ...], ...]
-"""A matrix of expressions, by rows."""
-
+Entries = tuple[tuple[str, ...], ...]  # a matrix of expressions, by rows
 MATRICES = {
     **{"M": ("states", "states"), "F": ("states", "states"), "G": ("states", "inputs")},
-    **{"H0": ("outputs", "states"), "H1": ("outputs", "states")},
-    **{"D": ("outputs", "inputs"), "D1": ("outputs", "inputs")},
-}
-"""Each matrix, and whose its rows and columns are."""
-DELAYS = {"input_delays": "input", "output_delays": "output", "delays": "response"}
-"""Each table of delays, and what they belong to."""
+    **{"H0": ("outputs", "states"), "H1": ("outputs", "states"), "D": ("outputs", "inputs")},
+}  # Owners of the rows and columns of each matrix
+DELAYS = {"input_delays": "inputs", "output_delays": "outputs"}
 _ZERO = ("0", "0.0")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a structure.
+    """One parameter of a structure, in SI; `bounds` are (lowest, highest) or None.
 
-    Attributes:
-        name: an identifier, such as "N_r".
-        unit: SI unit.
-        start: where the search begins: an order of magnitude is enough.
-        bounds: (lowest, highest) value, or None.
-        meaning: what it is.
-        scale: its order of magnitude; needed where the start is 0, otherwise |start|.
-        fixed: keep it at `start`.
-        error: standard error of a fixed parameter, known from a bench; a fit carries it through to
-            the errors of the free ones. 0: known exactly.
+    `scale` is an order of magnitude, by default |start|; needed if the start is 0. `error` is the
+    standard error of a fixed parameter, which a fit propagates.
     """
 
     name: str
@@ -93,34 +78,21 @@ class Parameter:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The bounds, infinite where there are none."""
+        """Bounds, infinite where there are none."""
         return (-math.inf, math.inf) if self.bounds is None else self.bounds
 
     @property
     def magnitude(self) -> float:
-        """The order of magnitude."""
+        """Order of magnitude."""
         return self.scale or abs(self.start) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Structure(Value):
-    """A parametrised linear model with delays; see the module for its equations.
+    """A parametrised linear model with delays, s; equations in the module's docstring.
 
-    Matrices are rows of expressions in the parameters' and constants' names. Left out, M is
-    the identity, H0 picks the states that have the outputs' names, H1, D and D1 are zero, and
-    there are no delays.
-
-    Attributes:
-        name: of the structure.
-        parameters: what the expressions may name, the free ones for a fit to find.
-        states, inputs, outputs: names, in the order of the matrices' rows and columns.
-        M, F, G, H0, H1, D, D1: see the module. D1 is for improper outputs, whose response rises
-            with frequency, such as the acceleration over a collective that flaps the blades.
-        input_delays, output_delays: by input or output, s.
-        delays: by response, such as {"p/lat": "tau_p_lat"}, s; added to those of its input and
-            output.
-        constants: numbers that expressions may name.
-        meaning: what it is.
+    Matrices are rows of expressions in parameters and constants. Defaults: M the identity, H0 picks
+    the states with the outputs' names, H1 and D zero, no delays.
     """
 
     name: str
@@ -134,10 +106,8 @@ class Structure(Value):
     H0: Entries = ()
     H1: Entries = ()
     D: Entries = ()
-    D1: Entries = ()
     input_delays: Mapping[str, str] = field(default_factory=dict)
     output_delays: Mapping[str, str] = field(default_factory=dict)
-    delays: Mapping[str, str] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     meaning: str = ""
 
@@ -166,34 +136,43 @@ class Structure(Value):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters' names, in order."""
+        """Names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """The parameters that a fit varies."""
+        """Parameters that a fit varies."""
         return tuple(parameter for parameter in self.parameters if not parameter.fixed)
 
     @property
     def starts(self) -> dict[str, float]:
-        """Every parameter's start by name."""
+        """Start of every parameter by name."""
         return {parameter.name: parameter.start for parameter in self.parameters}
+
+    @property
+    def pairs(self) -> dict[str, tuple[int, int]]:
+        """Indices (output, input) of each response, such as "p/lat"."""
+        return {
+            f"{output}/{input_}": (row, column)
+            for row, output in enumerate(self.outputs)
+            for column, input_ in enumerate(self.inputs)
+        }
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
-        """Every matrix entry and delay that isn't the number zero."""
-        cells = [
+        """Matrix entries and delays that aren't the number zero."""
+        cells: list[tuple[str, int, int, Any, str]] = [
             (matrix, row, column, cell, f"{matrix}.{rows[row]}.{columns[column]}")
             for matrix in MATRICES
             for rows, columns in [self._axes(matrix)]
             for row, line in enumerate(getattr(self, matrix))
             for column, cell in enumerate(line)
         ]
-        cells += [
-            (table, *self.delay_places(table)[name], cell, f"{table}.{name}")
-            for table in DELAYS
-            for name, cell in getattr(self, table).items()
-        ]
+        for table, names in DELAYS.items():
+            for name, cell in getattr(self, table).items():
+                k = getattr(self, names).index(name)
+                row, column = (0, k) if names == "inputs" else (k, 0)
+                cells.append((table, row, column, cell, f"{table}.{name}"))
         found = [
             Entry(matrix, row, column, self._expression(cell, place))
             for matrix, row, column, cell, place in cells
@@ -202,72 +181,42 @@ class Structure(Value):
 
     @cached_property
     def program(self) -> Program:
-        """The matrices compiled, for `helisim.ident.evaluate`."""
-        n_in, n_out = len(self.inputs), len(self.outputs)
-        delays = {"input_delays": (1, n_in), "output_delays": (n_out, 1), "delays": (n_out, n_in)}
+        """Compiled matrices."""
+        delays = {"input_delays": (1, len(self.inputs)), "output_delays": (len(self.outputs), 1)}
         free = [one.name for one in self.free]
         return Program(self.names, free, self._shapes | delays, self.entries, self.constants)
 
-    @property
-    def improper(self) -> bool:
-        """Whether an output follows an input's rate, so that no state space has its response."""
-        return any(entry.matrix == "D1" for entry in self.entries)
+    def matrices(self, values: Mapping[str, float]) -> dict[str, NDArray[np.float64]]:
+        """Return matrices and delays by name, for all parameters. Raises UnknownNameError."""
+        return self.program.fill(self.program.ordered(values))
 
     @cached_property
     def connected(self) -> frozenset[str]:
-        """The responses ("p/lat") that aren't zero by the structure's own zeros.
-
-        A response that is zero has neither decibels nor a phase, so nothing measured can be fitted
-        to it. Parameters that are fixed at zero count as paths: they are values, not the structure.
-        """
+        """Responses ("p/lat") not zero by the structure; a parameter fixed at zero counts."""
         there = {name: np.zeros(shape, dtype=np.bool_) for name, shape in self._shapes.items()}
         for entry in self.entries:
             if entry.matrix in there:
                 there[entry.matrix][entry.row, entry.column] = True
-        # An equation without a rate constrains its states; else it drives those whose rates it has.
+        # an equation without a rate constrains its states, else it drives those whose rates it has
         driven = np.where(np.any(there["M"], axis=1, keepdims=True), there["M"], there["F"])
         moved = driven.T @ (driven | there["F"])  # a state moved by another in one step
         reached: NDArray[np.bool_] = driven.T @ there["G"]
         for _ in self.states:
             reached = reached | (moved @ reached)
-        paths: NDArray[np.bool_] = (there["H0"] | there["H1"]) @ reached | there["D"] | there["D1"]
-        return frozenset(f"{self.outputs[o]}/{self.inputs[i]}" for o, i in np.argwhere(paths))
-
-    def delay_places(self, table: str) -> dict[str, tuple[int, int]]:
-        """Return which names a table of delays may have, with their row and column."""
-        if table == "input_delays":
-            return {name: (0, k) for k, name in enumerate(self.inputs)}
-        if table == "output_delays":
-            return {name: (k, 0) for k, name in enumerate(self.outputs)}
-        return {
-            f"{output}/{input_}": (row, column)
-            for row, output in enumerate(self.outputs)
-            for column, input_ in enumerate(self.inputs)
-        }
+        paths: NDArray[np.bool_] = (there["H0"] | there["H1"]) @ reached | there["D"]
+        return frozenset(name for name, place in self.pairs.items() if paths[place])
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter. Raises UnknownNameError."""
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise UnknownNameError(f"parameter of {self.name!r}", name, self.names)
+        check_known(f"parameter of {self.name!r}", [name], self.names)
+        return self.parameters[self.names.index(name)]
 
     def with_fixed(
         self, values: Mapping[str, float], errors: Mapping[str, float] | None = None
     ) -> "Structure":
-        """Return a copy where the named parameters keep the given values.
-
-        Args:
-            values: by name.
-            errors: their standard errors by name, as from a bench; exact where none is given.
-
-        Raises:
-            UnknownNameError: no such parameter, or an error of one that has no value.
-        """
+        """Return a copy with parameters fixed, with errors if any. Raises UnknownNameError."""
         known = errors or {}
-        for name in known:
-            if name not in values:
-                raise UnknownNameError("fixed parameter with an error", name, values)
+        check_known("fixed parameter with an error", known, values)
         return self._with(
             {
                 name: {"start": x, "fixed": True, "error": known.get(name, 0.0)}
@@ -276,19 +225,17 @@ class Structure(Value):
         )
 
     def with_starts(self, values: Mapping[str, float]) -> "Structure":
-        """Return a copy where the named parameters start at the given values."""
+        """Return a copy with other starts."""
         return self._with({name: {"start": x} for name, x in values.items()})
 
     def with_bounds(self, bounds: Mapping[str, tuple[float, float] | None]) -> "Structure":
-        """Return a copy where the named parameters have the given bounds."""
+        """Return a copy with other bounds."""
         return self._with({name: {"bounds": x} for name, x in bounds.items()})
 
     def renamed(self, signals: Mapping[str, str], *, name: str | None = None) -> "Structure":
         """Return a copy for other channels, such as {"lat": "LAT", "lon": "LON"}."""
         known = (*self.inputs, *self.outputs)
-        for signal in signals:
-            if signal not in known:
-                raise UnknownNameError(f"signal of {self.name!r}", signal, known)
+        check_known(f"signal of {self.name!r}", signals, known)
         new = {one: signals.get(one, one) for one in known}
         return replace(
             self,
@@ -297,23 +244,15 @@ class Structure(Value):
             outputs=tuple(new[x] for x in self.outputs),
             input_delays={new[x]: tau for x, tau in self.input_delays.items()},
             output_delays={new[x]: tau for x, tau in self.output_delays.items()},
-            delays={
-                f"{new[self.outputs[row]]}/{new[self.inputs[column]]}": self.delays[pair]
-                for pair, (row, column) in self.delay_places("delays").items()
-                if pair in self.delays
-            },
         )
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Structure":
-        """Read a structure from plain data, as a TOML file holds it.
+        """Read a structure from plain data, as in a TOML file. Raises InputError.
 
-        Parameters are a table by name. A matrix is a list of rows, or a table of rows by state
-        or output name, each a table by state or input name, where what is left out is zero
-        (in M: one on the diagonal). `series` puts `blocks` at its signals, as `with_blocks` does.
-
-        Raises:
-            InputError: something is missing, unknown, misshapen or of the wrong type.
+        Parameters are a table by name. A matrix is a list of rows, or a table of rows by state or
+        output name, each a table by state or input name, zero where left out (in M: one on the
+        diagonal). `series` puts blocks at signals, as `with_blocks` does.
         """
         given = dict(convert(Mapping[str, Any], data, "structure"))
         series = convert(Mapping[str, str], given.pop("series", {}), "series")
@@ -338,52 +277,32 @@ class Structure(Value):
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Structure":
-        """Read a structure from a TOML file; `to_toml` of any built-in one is an example.
-
-        Raises:
-            StorageError: the file can't be read, or isn't TOML.
-            InputError: something in it is missing, unknown, misshapen or of the wrong type; the
-                message names the file and the entry.
-        """
+        """Read a structure from TOML, such as `to_toml` writes. Raises StorageError, InputError."""
         data = read_toml(path)
         with placed(path):
             return cls.from_dict(data)
 
     def to_toml(self, path: str | PathLike[str] | None = None) -> str:
-        """Return the structure as TOML that `from_toml` reads back; write it if a path is given.
-
-        Raises:
-            StorageError: the file can't be written.
-        """
-        tables: dict[str, Any] = {"name": self.name, "meaning": self.meaning or None}
-        tables |= {key: list(getattr(self, key)) for key in ("states", "inputs", "outputs")}
-        tables["parameters"] = self._table(toml=True)
-        tables |= {key: getattr(self, key) for key in ("constants", *DELAYS) if getattr(self, key)}
-        for matrix in MATRICES:
-            rows = _sparse(getattr(self, matrix), *self._axes(matrix), matrix)
-            tables |= {matrix: rows} if rows or matrix in ("F", "G", "H0") else {}
-        text = toml_text(tables)
+        """Return the structure as TOML, also written to a path if given. Raises StorageError."""
+        text = toml_text(self.to_dict(toml=True))
         if path is not None:
             with atomic_write(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
         return text
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data that `from_dict` reads back."""
-        cells = {key: [list(row) for row in getattr(self, key)] for key in MATRICES}
-        rate = cells.pop("D1")
-        return {
-            "name": self.name,
-            "meaning": self.meaning,
-            "parameters": self._table(),
-            **{key: list(getattr(self, key)) for key in ("states", "inputs", "outputs")},
-            **cells,
-            "input_delays": dict(self.input_delays),
-            "output_delays": dict(self.output_delays),
-            **({"D1": rate} if self.improper else {}),
-            **({"delays": dict(self.delays)} if self.delays else {}),
-            "constants": dict(self.constants),
-        }
+    def to_dict(self, *, toml: bool = False) -> dict[str, Any]:
+        """Return plain data for `from_dict`; with `toml` without None."""
+        plain = [to_plain(parameter, toml=toml) for parameter in self.parameters]
+        tables: dict[str, Any] = {"name": self.name}
+        tables |= {"meaning": self.meaning} if self.meaning else {}
+        tables |= {key: list(getattr(self, key)) for key in ("states", "inputs", "outputs")}
+        tables["parameters"] = {table.pop("name"): table for table in plain}
+        for key in ("constants", *DELAYS):
+            tables |= {key: dict(getattr(self, key))} if getattr(self, key) else {}
+        for matrix in MATRICES:
+            rows = _sparse(getattr(self, matrix), *self._axes(matrix), matrix)
+            tables |= {matrix: rows} if rows or matrix in ("F", "G", "H0") else {}
+        return tables
 
     @property
     def _shapes(self) -> dict[str, tuple[int, int]]:
@@ -393,10 +312,6 @@ class Structure(Value):
     def _axes(self, matrix: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         rows, columns = MATRICES[matrix]
         return getattr(self, rows), getattr(self, columns)
-
-    def _table(self, *, toml: bool = False) -> dict[str, Any]:
-        plain = [to_plain(parameter, toml=toml) for parameter in self.parameters]
-        return {table.pop("name"): table for table in plain}
 
     def _with(self, changes: Mapping[str, Mapping[str, Any]]) -> "Structure":
         for name in changes:
@@ -418,9 +333,7 @@ class Structure(Value):
         with placed(f"{place} of {self.name!r}"):
             expression = Expression(text)
         known = (*self.names, *self.constants)
-        for name in sorted(expression.names):
-            if name not in known:
-                raise UnknownNameError(f"name in {place} = {text!r} of {self.name!r}", name, known)
+        check_known(f"name in {place} = {text!r} of {self.name!r}", sorted(expression.names), known)
         return expression
 
     def _check_names(self) -> None:
@@ -436,25 +349,19 @@ class Structure(Value):
         if not self.inputs or not self.outputs:
             raise InputError(f"{self.name}: expected at least one input and one output")
         for table, owner in DELAYS.items():
-            for name in getattr(self, table):
-                if name not in self.delay_places(table):
-                    raise UnknownNameError(f"{owner} with a delay", name, self.delay_places(table))
+            check_known(f"name in {table}", getattr(self, table), getattr(self, owner))
 
 
 def _dense(
     table: Mapping[str, Any], rows: Sequence[str], columns: Sequence[str], matrix: str
 ) -> list[list[Any]]:
-    """Return a matrix of cells by row and column name as rows; what is left out is zero."""
     given = {
         row: convert(Mapping[str, str | float], cells, f"{matrix}.{row}")
         for row, cells in table.items()
     }
+    check_known(f"row of {matrix}", given, rows)
     for row, cells in given.items():
-        if row not in rows:
-            raise UnknownNameError(f"row of {matrix}", row, rows)
-        for column in cells:
-            if column not in columns:
-                raise UnknownNameError(f"column of {matrix}.{row}", column, columns)
+        check_known(f"column of {matrix}.{row}", cells, columns)
     return [
         [given.get(y, {}).get(x, str(int(matrix == "M" and x == y))) for x in columns] for y in rows
     ]
@@ -463,7 +370,6 @@ def _dense(
 def _sparse(
     cells: Entries, rows: Sequence[str], columns: Sequence[str], matrix: str
 ) -> dict[str, Inline]:
-    """Return what `_dense` reads back, without what may be left out."""
     tables = {
         y: Inline({x: c for x, c in zip(columns, line) if c != str(int(matrix == "M" and x == y))})
         for y, line in zip(rows, cells)
@@ -472,72 +378,43 @@ def _sparse(
 
 
 BLOCKS: dict[str, Callable[..., Structure]] = {}
-"""The functions that make blocks, by kind of block; `helisim.ident.blocks` has them."""
+"""Functions that make blocks, by kind; from `helisim.ident.blocks`."""
 
 
-def block_named(kind: str) -> Callable[..., Structure]:
-    """Return the function that makes a block. Raises UnknownNameError."""
-    if kind not in BLOCKS:
-        raise UnknownNameError("block", kind, BLOCKS)
-    return BLOCKS[kind]
+def _known(text: str) -> tuple[float, ...]:
+    return tuple(map(float, text.replace("±", "+-").split("+-")))
 
 
-def read_block(text: str, name: str | None = None) -> Structure:
-    """Read a block from text, such as "second_order:omega=62+-1,zeta=0.7".
-
-    Args:
-        text: the block's kind, and its numbers; "value+-error" has a standard error, what is left
-            out is for a fit to find. "name=servo" names it.
-        name: of the block, where the text has none; its kind if None.
-
-    Raises:
-        UnknownNameError: no such kind, or no such number of it.
-        InputError: a number can't be read, or can't be.
-    """
+def _read_block(text: str, name: str) -> Structure:
     kind, _, rest = (one.strip() for one in text.partition(":"))
-    make = block_named(kind)
-    known = [*signature(make).parameters]
-    given: dict[str, Any] = {"name": name or kind}
+    check_known("block", [kind], BLOCKS)
+    known = [*signature(BLOCKS[kind]).parameters]
+    given: dict[str, Any] = {"name": name}
     for part in filter(None, (one.strip() for one in rest.split(","))):
-        key, equals, number = (one.strip() for one in part.partition("="))
-        if not equals or key not in known:
-            raise UnknownNameError(f"number of the block {kind!r}", key, known)
-        value, sign, error = number.replace("±", "+-").partition("+-")
+        key, _, number = (one.strip() for one in part.partition("="))
+        check_known(f"number of the block {kind!r}", [key], known)
         try:
-            if key == "name":
-                given[key] = number
-            elif key == "order":
-                given[key] = int(number)
-            else:
-                given[key] = (float(value), float(error)) if sign else float(value)
+            given[key] = {"name": str, "order": int}.get(key, _known)(number)
         except ValueError:
             raise InputError(
                 f"{key} = {number!r} of the block {text!r} isn't a number, such as 62 or 62+-1"
             ) from None
-    return make(**given)
+    return BLOCKS[kind](**given)
 
 
 def with_blocks(structure: Structure, series: Mapping[str, str]) -> Structure:
-    """Return a structure with blocks in series that are told in words.
+    """Return a structure with blocks in series; raises UnknownNameError, InputError.
 
-    Args:
-        structure: before whose inputs and behind whose outputs they come.
-        series: signal, or several with commas between that share one block -> block as
-            `read_block` takes it: {"lat,lon": "second_order:omega=62+-1,zeta=0.7"}. It has the
-            signals' names if it has no name.
-
-    Raises:
-        UnknownNameError: no such signal, block or number.
-        InputError: a number can't be read, or a signal has two blocks.
+    `series` is signals -> block, such as {"lat,lon": "second_order:omega=62+-1,zeta=0.7"}; "+-"
+    gives a standard error; numbers left out are fitted; "name=" names the block, else its signals.
     """
     blocks: dict[str, Structure] = {}
     known = (*structure.inputs, *structure.outputs)
     for signals, text in series.items():
         names = [one.strip() for one in signals.split(",") if one.strip()]
-        block = read_block(text, "_".join(names))
+        block = _read_block(text, "_".join(names))
+        check_known(f"signal of {structure.name!r}", names, known)
         for signal in names:
-            if signal not in known:
-                raise UnknownNameError(f"signal of {structure.name!r}", signal, known)
             if signal in blocks:
                 raise InputError(f"{signal} has two blocks in series; put one after the other")
             blocks[signal] = block
@@ -555,28 +432,16 @@ def in_series(
     outputs: Mapping[str, Structure] | None = None,
     name: str | None = None,
 ) -> Structure:
-    """Return a structure behind other dynamics at its inputs, and before others at its outputs.
+    """Return a structure with blocks before its inputs, such as servos, and behind its outputs.
 
-    Args:
-        structure: that is to be found, say.
-        inputs: by input, what its signal passes before it drives the structure, such as a servo.
-        outputs: by output, what it passes before it is recorded, such as a sensor's filter.
-        name: of the new one; the structure's if None.
-
-    Each of the blocks has one input and one output (`blocks`, or any such structure); parameters
-    of the same name are the same parameter, so one servo for two inputs has one natural frequency.
-
-    Raises:
-        UnknownNameError: no such input or output.
-        InputError: a block has several inputs or outputs, two parameters of one name differ, or
-            an output that follows an input's rate would have to be differentiated.
+    Parameters of the same name are the same parameter. Raises UnknownNameError; InputError if a
+    block has several inputs or outputs, or parameters of one name differ.
     """
     made = replace(structure, name=name or structure.name)
     for side, blocks in (("input", inputs or {}), ("output", outputs or {})):
         known = structure.inputs if side == "input" else structure.outputs
+        check_known(f"{side} of {structure.name!r}", blocks, known)
         for signal, block in blocks.items():
-            if signal not in known:
-                raise UnknownNameError(f"{side} of {structure.name!r}", signal, known)
             if len(block.inputs) != 1 or len(block.outputs) != 1:
                 raise InputError(
                     f"the block {block.name!r} at {signal!r} has {len(block.inputs)} inputs and "
@@ -589,26 +454,16 @@ def in_series(
 def _with_block(
     structure: Structure, block: Structure, signal: str, place: int, *, before: bool
 ) -> Structure:
-    """Return the structure with a block before an input or behind an output.
-
-    A delay commutes with all of it, so those of the block are added to the signal's.
-    """
     own, its = ({key: _cells(one, key) for key in MATRICES} for one in (structure, block))
     # the block among wires that pass the other signals
-    wires = _identity(len(structure.inputs if before else structure.outputs))
+    size = len(structure.inputs if before else structure.outputs)
+    wires = np.where(np.eye(size) > 0.0, "1", "0").astype(object)
     pick = wires[[place]]
-    its |= {key: _dot(pick.T, its[key]) for key in ("H0", "H1")}
-    its |= {"G": _dot(its["G"], pick), "D1": _dot(_dot(pick.T, its["D1"]), pick)}
     through = wires.copy()
     through[place, place] = its["D"][0, 0]
-    its["D"] = through
+    its |= {key: _dot(pick.T, its[key]) for key in ("H0", "H1")}
+    its |= {"G": _dot(its["G"], pick), "D": through}
     made = _cascade(its, own) if before else _cascade(own, its)
-    if made is None:
-        raise InputError(
-            f"the block {block.name!r} at {signal!r} would have an input's rate differentiated, "
-            f"or drive a state by it: D1 of {structure.name!r} or of the block makes an output "
-            "follow it"
-        )
     if before:  # the structure's states come first
         order = np.roll(np.arange(len(made["F"])), len(structure.states))
         made |= {key: made[key][order] for key in "MFG"}
@@ -645,22 +500,16 @@ def _with_block(
 _Cells = NDArray[np.object_]
 
 
-def _cascade(first: Mapping[str, _Cells], second: Mapping[str, _Cells]) -> dict[str, _Cells] | None:
-    """Return the matrices of two systems in a row, states of the first first; None if improper."""
+def _cascade(first: Mapping[str, _Cells], second: Mapping[str, _Cells]) -> dict[str, _Cells]:
     f, s = first, second
-    if any(
-        _any(_dot(a, b)) for a, b in ((s["G"], f["D1"]), (s["D1"], f["H1"]), (s["D1"], f["D1"]))
-    ):
-        return None
     across = np.full((len(f["F"]), len(s["F"])), "0", dtype=object)
     return {
         "M": np.block([[f["M"], across], [_dot(s["G"], f["H1"], "-1"), s["M"]]]),
         "F": np.block([[f["F"], across], [_dot(s["G"], f["H0"]), s["F"]]]),
         "G": np.vstack([f["G"], _dot(s["G"], f["D"])]),
         "H0": np.hstack([_dot(s["D"], f["H0"]), s["H0"]]),
-        "H1": np.hstack([_plus(_dot(s["D"], f["H1"]), _dot(s["D1"], f["H0"])), s["H1"]]),
+        "H1": np.hstack([_dot(s["D"], f["H1"]), s["H1"]]),
         "D": _dot(s["D"], f["D"]),
-        "D1": _plus(_dot(s["D"], f["D1"]), _dot(s["D1"], f["D"])),
     }
 
 
@@ -669,16 +518,7 @@ def _cells(structure: Structure, matrix: str) -> _Cells:
     return np.array(getattr(structure, matrix), dtype=object).reshape(shape)
 
 
-def _identity(size: int) -> _Cells:
-    return np.where(np.eye(size) > 0.0, "1", "0").astype(object)
-
-
-def _any(cells: _Cells) -> bool:
-    return any(cell not in _ZERO for cell in cells.flat)
-
-
 def _dot(one: _Cells, other: _Cells, sign: str = "1") -> _Cells:
-    """Return the matrix product of expressions."""
     found = np.empty((one.shape[0], other.shape[1]), dtype=object)
     for row, column in np.ndindex(found.shape):
         terms = (_product(sign, a, b) for a, b in zip(one[row], other[:, column]))
@@ -686,12 +526,7 @@ def _dot(one: _Cells, other: _Cells, sign: str = "1") -> _Cells:
     return found
 
 
-def _plus(one: _Cells, other: _Cells) -> _Cells:
-    return np.asarray(np.frompyfunc(_sum, 2, 1)(one, other), dtype=object)
-
-
 def _product(*factors: str) -> str:
-    """Return a product of expressions; "0" and "1" as they are, others in brackets."""
     kept = [factor for factor in factors if factor not in ("1", "-1")]
     sign = "-" if factors.count("-1") % 2 else ""
     if any(factor in _ZERO for factor in kept):

@@ -1,28 +1,16 @@
-"""The built-in structures; transfer functions of any order beside them.
-
-Starts are orders of magnitude for a small helicopter, not results: a fit searches from
-several scattered points and solves the input gains from the data first.
-"""
+"""Built-in structures; starts are orders of magnitude for a small helicopter."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from helisim.base.errors import UnknownNameError
+from helisim.base.errors import item_of
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident.structure import MATRICES, Parameter, Structure
-from helisim.ident.transfer import (
-    delay_parameter,
-    factored,
-    first_order_delay,
-    second_order_delay,
-    transfer_function,
-)
+from helisim.ident.transfer import delay_parameter, transfer_function
 
 __all__ = [
     "BUILT_IN",
-    "factored",
-    "first_order_delay",
     "heave",
     "heave_imu",
     "heave_inflow",
@@ -34,7 +22,6 @@ __all__ = [
     "rollpitch_inflow",
     "rollpitch_speeds",
     "rollpitch_tied",
-    "second_order_delay",
     "transfer_function",
     "yaw_base",
     "yaw_gyro",
@@ -42,10 +29,8 @@ __all__ = [
     "yaw_sway",
 ]
 
-_LAG = (1e-3, 1.0)
-"""s: from far below a rotor turn to far above any rotor's or inflow's lag."""
-_BESIDE = (-3.0, 1.0)
-"""1/s: bounds of what fuselage and tail damp beside the rotor."""
+_LAG = (1e-3, 1.0)  # s: from far below to far above any lag of rotor or inflow
+_BESIDE = (-3.0, 1.0)  # 1/s: damping of fuselage and tail besides the rotor
 _PARAMETERS = {
     one.name: one
     for one in (
@@ -118,8 +103,7 @@ _PARAMETERS = {
     )
 }
 
-Cells = Mapping[str, Mapping[str, str]]
-"""Expressions by row and column."""
+Cells = Mapping[str, Mapping[str, str]]  # expressions by row and column
 
 
 def _built(
@@ -134,20 +118,7 @@ def _built(
     delays: Mapping[str, Mapping[str, str]] | None = None,
     **matrices: Cells,
 ) -> Structure:
-    """Build a structure of cells, in their places of another's if there is one.
-
-    Args:
-        name: of it.
-        meaning: of it.
-        parameters: names of those in `_PARAMETERS` or `own`.
-        own: parameters that differ from those of that name.
-        states: names; further ones of `like`.
-        inputs: names; those of `like` if empty.
-        outputs: likewise.
-        like: the structure to begin with.
-        delays: tables of them; those of `like` if None.
-        matrices: cells by row and column; H0 has the outputs that are states by itself.
-    """
+    """Build a structure from cells by row and column, replacing those of `like` if given."""
     old = {axis: getattr(like, axis, ()) for axis in ("states", "inputs", "outputs")}
     axes = {
         "states": (*old["states"], *states.split()),
@@ -203,7 +174,7 @@ heave_inflow = _built(
     Parameter("Z_w", "1/s", -1.0, (-50.0, -1e-3), "heave damping once the inflow has come"),
     Parameter("Z_col", "m/s^2", -10.0, None, "vertical acceleration by collective, likewise"),
     delay_parameter("tau_col", "delay of collective"),
-    # nu is induced velocity; half of the damping stays with it, for it falls where one climbs
+    # nu is induced velocity; half of the damping stays with it
     like=heave,
     states="nu",
     outputs="w az",
@@ -239,7 +210,6 @@ yaw_sway = _built(
 )
 
 _led = {"r": "-k_a*(lead + lead_filter)/lead_filter", "slow": "k_a*lead/lead_filter"}
-"""What the yaw gyro makes of the rate and of its lead's state: -k_a r, led."""
 _proportional = {
     state: f"k_p*{f'({cell})' if state == 'r' else cell}" for state, cell in _led.items()
 }
@@ -269,7 +239,7 @@ yaw_gyro = _built(
         "yaw damping while the tail's thrust slips the helicopter sideways: "
         "N_r (1 + I_zz / (m l^2)) for a tail at the arm l",
     ),
-    # rate, the integral of its error, servo (two equal lags: no overshoot), the lead's filter
+    # rate, its error's integral, servo (two equal lags), filter of the lead
     states="r error behind servo slow",
     inputs="PED",
     outputs="ped",
@@ -328,19 +298,11 @@ rollpitch_tied = _built(
 
 
 def with_inflow(flapping: Structure, name: str) -> Structure:
-    """Return a model of p, q and tilts a, b with the inflow's slopes that stand against each tilt.
+    """Return a model of p, q and tilts a, b with dynamic inflow.
 
-    The induced velocity follows the blades' load within a revolution or so, so that a load comes at
-    once and 1 / C times as large as it stays: the lift deficiency C = 1 / (1 + a sigma / (16
-    lambda)), in hover the same for thrust and for the hub's moments (Curtiss and Shupe, AHS Forum
-    1971; Chen and Hindson, NASA TM 88327). With C = 1, or far below 1 / tau, these are the models
-    without inflow. The rotor's torque leans with the disc, dp/dt = L_b (b - torque a) and its like:
-    it turns the hub's moment by a degree or so, as much off the axis as the inflow's slopes do.
-
-    Args:
-        flapping: whose rows of a and b are tau_f (da/dt + q) = -a + A_b b + A_lat lat + A_lon lon
-            and its like, and whose moments are L_b b and M_a a.
-        name: of the new one.
+    A load begins 1 / C times as large as it stays, C = 1 / (1 + a sigma / (16 lambda)) (Curtiss and
+    Shupe, AHS Forum 1971; Chen and Hindson, NASA TM 88327); C = 1 is without inflow. dp/dt = L_b (b
+    - torque a). `flapping` has rows tau_f (da/dt + q) = -a + A_b b + A_lat lat + A_lon lon.
     """
     mass: dict[str, dict[str, str]] = {}
     rates = {"p": {"a": "-torque*L_b"}, "q": {"b": "torque*M_a"}}
@@ -373,8 +335,8 @@ def with_inflow(flapping: Structure, name: str) -> Structure:
 rollpitch_inflow = with_inflow(rollpitch, "rollpitch_inflow")
 rollpitch_speeds = _built(
     "rollpitch_speeds",
-    # The tilted thrust accelerates it, and the disc flaps back from the speed: at three times the
-    # frequency of the hover's slow modes that is still several percent of the rates.
+    # The tilted thrust accelerates it, and the disc flaps back from the speed, which is several
+    # percent of the rates at three times the frequency of the hover's slow modes.
     f"{rollpitch.meaning}, with the speeds that tilting gathers: flap-back, and the "
     "dampings of fuselage and tail",
     f"{' '.join(rollpitch.names)} A_u L_p M_q",
@@ -391,8 +353,7 @@ rollpitch_speeds = _built(
         "theta": {"q": "1"},
     },
 )
-# Mettler, Tischler and Kanade's hover model of the Yamaha R-50 (J. AHS 47, 2002) without its
-# stabiliser bar, heave and yaw.
+# Mettler, Tischler and Kanade's hover model of the Yamaha R-50 (J. AHS 47, 2002), reduced
 hover = _built(
     "hover",
     "rates and velocities over cyclic at hover: rigid body with speeds and attitudes, and "
@@ -434,11 +395,8 @@ BUILT_IN: dict[str, Structure] = {
         *(hover, hover_imu, hover_inflow),
     )
 }
-"""The built-in structures by name."""
 
 
 def named(name: str) -> Structure:
     """Return a built-in structure. Raises UnknownNameError."""
-    if name not in BUILT_IN:
-        raise UnknownNameError("structure", name, BUILT_IN)
-    return BUILT_IN[name]
+    return item_of(BUILT_IN, name, "structure")

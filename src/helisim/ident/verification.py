@@ -1,65 +1,46 @@
-"""How well a model predicted records that no fit has seen: figures and time histories."""
+"""Figures and time histories of a model's prediction of unseen records."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.settings import Value, check, from_plain, to_plain
-from helisim.base.units import UserUnits
-from helisim.records.record import signal_in
+from helisim.base.settings import Value, check, to_plain
 
 if TYPE_CHECKING:
-    from helisim.base.display import Axes, Figure
+    from helisim.base.display import Figure
 
-ACCEPTABLE_TIC = 0.25
-"""Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
+ACCEPTABLE_TIC = 0.25  # Theil's coefficient up to which a model predicts well (Tischler and Remple)
 _WIDTH = 80  # columns of a terminal
 
 
 @dataclass(frozen=True, kw_only=True)
 class Approach:
-    """How records were predicted.
+    """Approach of the prediction: "whole" records, or "segments", each from a state of its own.
 
-    Attributes:
-        kind: each record "whole", in "segments", each from a state of its own, or "ahead", every
-            sample from a state that the samples before it gave.
-        length_s: of the longest record, of a segment, or of the past that gives a state, s.
-        ahead_s: how far ahead each sample was predicted, s; 0 but for "ahead".
-        pole: (real, imaginary) of the fastest unstable pole, rad/s; None of a stable model.
-        estimated: numbers that were estimated from the records, biases and trims included.
-        samples: numbers that were predicted: samples times outputs.
+    `length_s` is of the longest record or of a segment; `pole` is the fastest unstable pole (real,
+    imaginary), rad/s, None if stable.
     """
 
-    kind: Literal["whole", "segments", "ahead"]
+    kind: Literal["whole", "segments"]
     length_s: float
-    ahead_s: float = 0.0
     pole: tuple[float, float] | None = None
     estimated: int
     samples: int
 
     @property
     def doubling_s(self) -> float | None:
-        """Time in which an error of an unstable model's state doubles, s."""
+        """Doubling time of an unstable model's state error, s."""
         return None if self.pole is None else float(np.log(2.0) / self.pole[0])
 
     @property
     def growth(self) -> float:
-        """By how much such an error grows over the length that is predicted from one state."""
-        span = self.ahead_s if self.kind == "ahead" else self.length_s
-        return 1.0 if self.pole is None else float(np.exp(self.pole[0] * span))
-
-    @property
-    def in_brief(self) -> str:
-        """How, in a few words behind "predicted"; nothing where each record is whole."""
-        segments = f"in segments of {self.length_s:.3g} s"
-        return {"whole": "", "segments": segments, "ahead": f"{self.ahead_s:.3g} s ahead"}[
-            self.kind
-        ]
+        """Growth of that error over the predicted length."""
+        return 1.0 if self.pole is None else float(np.exp(self.pole[0] * self.length_s))
 
     def __str__(self) -> str:
         told = grows = ""
@@ -76,15 +57,8 @@ class Approach:
             "initial state",
             "segments": f"predicted in segments of {self.length_s:.3g} s{grows}, each from an "
             "initial state of its own; TIC is of the motion that these can't make up",
-            "ahead": f"each sample predicted {self.ahead_s:.3g} s ahead{grows}, from a state that "
-            f"the {self.length_s:.3g} s before gave",
         }[self.kind]
         return f"{told}{how}; {self.estimated} numbers estimated for {self.samples} samples"
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Approach":
-        """Return what `to_dict` wrote. Raises InputError."""
-        return from_plain(cls, data, "approach", lenient=True)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
@@ -94,19 +68,11 @@ class Approach:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace(Value):
-    """One record, measured and predicted. Read-only.
+    """One record, measured and predicted; read-only.
 
-    Attributes:
-        time: (n_time,) s.
-        inputs: (n_time, n_in) as recorded.
-        measured: (n_time, n_out).
-        predicted: (n_time, n_out), with the estimated bias, trim and initial state.
-        bias: (n_out,) constant that was added to the prediction.
-        starts: (n_start,) s, where the prediction starts anew from a state of its own.
-        telling: (n_time, n_out) measured motion that tells of the model: what biases, trims and
-            initial states could make up is taken out. By default the motion about its mean.
-        estimated: how many numbers the starts' states are, all together; 0 where one state
-            serves the whole record.
+    `time` is (n_time,) s; `inputs`, `measured`, `predicted` are (n_time, n), the last with `bias`
+    (n_out,); `starts` (n_start,) s, of segments; `telling` (n_time, n_out) is measured motion
+    without what biases, trims and initial states can explain; `estimated` counts initial states.
     """
 
     time: NDArray[np.float64]
@@ -114,16 +80,12 @@ class Trace(Value):
     measured: NDArray[np.float64]
     predicted: NDArray[np.float64]
     bias: NDArray[np.float64]
+    telling: NDArray[np.float64]
     starts: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    telling: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     estimated: int = 0
 
     def __post_init__(self) -> None:
         check(self)
-        if self.telling.size == 0:
-            telling = self.measured - np.mean(self.measured, axis=0)
-            telling.setflags(write=False)
-            object.__setattr__(self, "telling", telling)
 
     @property
     def residual(self) -> NDArray[np.float64]:
@@ -132,7 +94,7 @@ class Trace(Value):
 
     @property
     def error(self) -> NDArray[np.float64]:
-        """The residual, enlarged as N / (N - n_estimated): so many any model meets."""
+        """Residual times N / (N - n_estimated), (n_time, n_out)."""
         size = self.residual.size
         return self.residual * np.sqrt(size / max(size - self.estimated, 1))
 
@@ -153,14 +115,14 @@ def root_mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Theil's coefficient of each output, (n_out,); 0 where nothing moves at all."""
+    """Return Theil's coefficient of each output, (n_out,); 0 where nothing moves."""
     size = root_mean_square(measured) + root_mean_square(predicted)
     error = root_mean_square(measured - predicted)
     return error / np.where(size > 0.0, size, 1.0)
 
 
 def overall_theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:
-    """Return Theil's coefficient with each output in units of its own size."""
+    """Return Theil's coefficient, each output normalised by its own size."""
     size = root_mean_square(measured)
     size = np.where(size > 0.0, size, 1.0)
     error = np.sqrt(np.mean(((measured - predicted) / size) ** 2))
@@ -170,13 +132,7 @@ def overall_theil(measured: NDArray[np.float64], predicted: NDArray[np.float64])
 
 @dataclass(frozen=True, kw_only=True)
 class VerifiedOutput:
-    """How well one output was predicted.
-
-    Attributes:
-        name, unit: of the output.
-        j_rms, tic: root mean square error; Theil's inequality coefficient.
-        counted: False of one that moved too little beside its noise to tell of a model.
-    """
+    """Figures of one output; `counted` is False where it hardly moved."""
 
     name: str
     unit: str
@@ -187,13 +143,7 @@ class VerifiedOutput:
 
 @dataclass(frozen=True, kw_only=True)
 class VerifiedRecord:
-    """How well one flight was predicted.
-
-    Attributes:
-        duration_s: of the flight, s.
-        j_rms, tic: by output, root mean square error and Theil's inequality coefficient.
-        bias: by output, the constant that was added to the prediction.
-    """
+    """Figures of one flight, by output; `bias` was added to the prediction."""
 
     duration_s: float
     j_rms: Mapping[str, float]
@@ -206,7 +156,7 @@ class VerifiedRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationFigures:
-    """The figures of a `Verification`, without its time histories."""
+    """Figures of a `Verification`."""
 
     j_rms: float
     tic: float
@@ -232,20 +182,11 @@ class VerificationFigures:
 
 @dataclass(frozen=True, eq=False)
 class Verification(Value, Displayed):
-    """How well a model predicts records that it was not fitted to.
+    """Prediction of records that the model was not fitted to.
 
-    Attributes:
-        inputs: names of the inputs.
-        outputs: names of the outputs.
-        units: their units.
-        traces: one a record.
-        j_rms: root mean square error over all outputs, each in its unit.
-        tic: Theil's inequality coefficient over the outputs that tell, 0 perfect, 1 useless; of
-            motions about the measured mean, so that a large trim doesn't flatter it, and without
-            what a state estimated for each segment could make up.
-        j_rms_by_output, tic_by_output: the same for each output by name.
-        approach: how the records were predicted; None where it isn't known.
-        quiet: outputs that moved too little beside their noise to tell of a model.
+    `j_rms` is the root mean square error over all outputs, each in its unit; `tic` Theil's
+    coefficient (0 perfect, 1 useless) over outputs that count, without what biases, trims and
+    states explain; `quiet` outputs moved too little beside their noise to count.
     """
 
     inputs: tuple[str, ...]
@@ -279,7 +220,7 @@ class Verification(Value, Displayed):
 
     @property
     def figures(self) -> VerificationFigures:
-        """The figures alone, as results hold them."""
+        """Figures without traces."""
 
         def by_output(values: NDArray[np.float64]) -> dict[str, float]:
             return dict(zip(self.outputs, values.tolist()))
@@ -309,42 +250,9 @@ class Verification(Value, Displayed):
             approach=self.approach,
         )
 
-    def in_units(self, units: UserUnits) -> "Verification":
-        """Return the verification with its outputs in the given units."""
-        shown = [
-            signal_in(units, name, unit, is_input=False)
-            for name, unit in zip(self.outputs, self.units)
-        ]
-        factor = np.array([many for _, many in shown])
-        rms = {name: self.j_rms_by_output[name] * many for name, many in zip(self.outputs, factor)}
-        scaled = ("measured", "predicted", "bias", "telling")
-        return replace(
-            self,
-            units=tuple(unit for unit, _ in shown),
-            traces=tuple(
-                replace(trace, **{name: getattr(trace, name) * factor for name in scaled})
-                for trace in self.traces
-            ),
-            j_rms=float(np.sqrt(np.mean(np.square(list(rms.values()))))),
-            j_rms_by_output=rms,
-        )
-
-    def plot(
-        self,
-        records: "Sequence[int] | int | None" = None,
-        *,
-        axes: "Sequence[Axes] | None" = None,
-    ) -> "Figure":
-        """Draw the inputs, each output measured and predicted, and what the prediction leaves.
-
-        Args:
-            records: by number, from 0; by default all, side by side.
-            axes: to draw on, one a panel, record by record; by default those of a new figure.
-
-        Raises:
-            InputError: no such record, or there are more or fewer axes than panels.
-        """
-        return shower().plot_verification(self, records, axes)
+    def plot(self) -> "Figure":
+        """Draw the inputs, each output measured and predicted, and the residuals."""
+        return shower().plot_verification(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data for JSON, without the traces."""

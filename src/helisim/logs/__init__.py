@@ -1,9 +1,4 @@
-"""Anyone's flight logs as flight records: CSV, Parquet, ULog, ArduPilot DataFlash.
-
-A log is read as it is. What is wrong with it (gaps, missing numbers, clocks that go back) is
-refused with the row's number, or repaired where the user asked for it, and every repair is
-in the report and in the record's provenance.
-"""
+"""Flight logs by any program as flight records: CSV, Parquet, ULog, ArduPilot DataFlash."""
 
 from helisim.base.units import UNITS
 from helisim.logs.dataflash import DataFlash

@@ -1,4 +1,4 @@
-"""Which column of a log is which channel, as values or from a small TOML file; and the repairs."""
+"""Maps a log's columns to channels, as values or from a small TOML file; and names the repairs."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -19,30 +19,23 @@ REPAIRS: dict[str, str] = {
     "as at gaps",
     "gaps": "split the log at its gaps",
     "missing": "interpolate cells without a number",
-    "order": "sort rows by time",
     "resets": "split the log where the clock goes back",
     "spikes": "interpolate single samples, or two, that stick out",
-    "tail": "leave out an incomplete last line",
-}
-"""What may be done to a log, each only on request."""
+}  # Repair -> its effect; each is done only on request
 
+LOOK = "say which column is which channel; a look at the log guesses which"
+
+# Headings of time, in lower case and without a unit in brackets.
 TIME_NAMES = ("time", "t", "timestamp", "time_s", "time_ms", "time_us", "timestamp_us", "timeus")
-"""Headings that mean time, in lower case and without a unit in brackets."""
 
 
 @dataclass(frozen=True)
 class Column:
     """Where a channel comes from: value = sign (number - trim) in SI, or over `range`.
 
-    Attributes:
-        column: the column's name in the log, with or without a unit in brackets.
-        unit: its unit, such as "deg/s"; None if the log states it, such as "gyro_x [deg/s]".
-        sign: 1 or -1.
-        trim: the number that means zero, in the column's unit.
-        range: span from one end to the other, in the column's unit: makes the channel
-            unitised, without dimension. Pulses ("us") need it.
-        unwrap: whether jumps of a whole turn are undone; by default in angles.
-        meaning: what a channel of your own is.
+    `unit` is None if the log states it, such as "gyro_x [deg/s]"; `trim` is the number that means
+    zero and `range` that from end to end, in it. "us" needs a range, which makes the channel
+    unitised.
     """
 
     column: str
@@ -50,7 +43,6 @@ class Column:
     sign: int = setting(1, choices=(1, -1))
     trim: float | None = None
     range: float | None = setting(None, above=0.0)
-    unwrap: bool | None = None
     meaning: str = ""
 
     def __post_init__(self) -> None:
@@ -61,32 +53,22 @@ class Column:
             unit(self.unit)
 
     def option(self, channel: str) -> Option:
-        """Return the option that says so, "NAME=COLUMN:UNIT:sign=-1", as `named_column` reads."""
+        """Return the option "NAME=COLUMN:UNIT:sign=-1", as `named_column` reads it."""
         parts = [f"{channel}={self.column}:{self.unit or ''}", *["sign=-1"] * (self.sign < 0)]
         given = {"trim": self.trim, "range": self.range}
         parts += [f"{name}={value:g}" for name, value in given.items() if value is not None]
         return Option("channel", ":".join(parts))
 
     def converts(self, channel: str, stated: str | None) -> tuple[Channel, float]:
-        """Return the channel that a log's column becomes, and SI per unit of the column.
-
-        Args:
-            channel: name of the channel.
-            stated: the unit that the log itself states, if any.
-
-        Raises:
-            InputError: no unit is known, it isn't of the channel's kind, or a pulse has no
-                trim and range.
-        """
+        """Return a column's channel, and SI per unit; `stated` is the log's. Raises InputError."""
         name, standard = self.unit or stated, CHANNELS.get(channel)
         if name is None:
-            hint = f", such as {standard.unit!r}" if standard else ""
             raise InputError(
-                f"channel {channel!r}: neither the map nor the heading of column "
-                f"{self.column!r} says its unit; give one{hint}"
+                f"channel {channel!r}: neither the map nor the heading of column {self.column!r} "
+                f"says its unit; give one, such as {standard.unit if standard else 'deg/s'!r}"
             )
         pulse = is_unit(name) and unit(name).name == PULSE
-        if pulse and (self.range is None or self.trim is None):
+        if pulse and None in (self.range, self.trim):
             raise InputError(
                 f"channel {channel!r}: pulses in us need a trim and a range, such as trim = 1520 "
                 "and range = 800"
@@ -101,11 +83,7 @@ class Column:
 
 
 def named_column(text: str) -> tuple[str, Column]:
-    """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column.
-
-    Raises:
-        InputError: it is something else, or a unit or number in it can't be.
-    """
+    """Read NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X]. Raises InputError."""
     name, _, rest = text.partition("=")
     column, *further = rest.split(":")
     if not name.strip() or not column:
@@ -117,12 +95,9 @@ def named_column(text: str) -> tuple[str, Column]:
 
 @dataclass(frozen=True)
 class Clock:
-    """Where time comes from: a column and its unit, or a constant rate.
+    """Where time comes from: a column and its unit, or a constant rate, Hz.
 
-    Attributes:
-        column: the column's name.
-        unit: s, ms, us, ns, min or iso8601; None if the log states it, such as "t [ms]".
-        rate: samples a second, Hz, of a log that has no column of times.
+    `unit` is s, ms, us, ns, min or iso8601 (Parquet); None if the log states it, such as "t [ms]".
     """
 
     column: str | None = None
@@ -139,51 +114,29 @@ class Clock:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a CSV is written, where that can't be found out from it.
-
-    Attributes:
-        delimiter: one character; found among , ; tab and | by default.
-        decimal: "." or ",".
-        encoding: such as "utf-16-le"; UTF-8, or what the byte order mark says, by default.
-        header: number of the line that names the columns; the first that isn't a comment
-            by default.
-        skip: lines between the header and the numbers, such as a line of units.
-        names: the columns' names of a file without a header.
-    """
+    """How a CSV is written, `delimiter` found by default; `skip` is rows below the header."""
 
     delimiter: str | None = None
     decimal: str = setting(".", choices=(".", ","))
-    encoding: str | None = None
-    header: int | None = setting(None, low=1)
     skip: int = setting(0, low=0)
-    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check(self)
         one = self.delimiter
-        if one is not None and (len(one) != 1 or one in '\r\n" \0'):
-            raise InputError(f"delimiter is {one!r:.40}, expected one character, such as ';'")
-        if self.decimal == one:
-            raise InputError(f"decimal is {one!r}, expected another character than the delimiter")
-        try:
-            "".encode("utf-8" if self.encoding is None else self.encoding)
-        except (LookupError, ValueError):
-            raise InputError(f"unknown encoding {self.encoding!r:.40}, such as 'utf-8'") from None
+        if one is not None and (len(one) != 1 or one in '\r\n" \0' or one == self.decimal):
+            raise InputError(
+                f"delimiter is {one!r:.40}, expected one character, such as ';', and another than "
+                "the decimal"
+            )
 
 
 @dataclass(frozen=True)
 class Map:
-    """From a log's columns to channels.
-
-    Attributes:
-        channels: channel -> its column.
-        time: where time comes from; None where the log itself says it.
-        layout: how a CSV is written.
-    """
+    """From a log's columns to channels; `time` is None where the log states its clock."""
 
     channels: Mapping[str, Column] = field(default_factory=dict)
     time: Clock | None = None
-    layout: Layout = field(default_factory=Layout)
+    file: Layout = field(default_factory=Layout)
 
     def __post_init__(self) -> None:
         check(self)
@@ -194,12 +147,15 @@ class Map:
     @classmethod
     def of(
         cls,
-        channels: "Map | Mapping[str, Column | str] | None",
+        channels: "Map | Mapping[str, Column | str] | Sequence[str] | None",
         time: Clock | str | None = None,
     ) -> "Map":
-        """Return a map of what a user may say: columns and the clock as values or by name."""
+        """Return a map from a map, columns or names; the clock as a value or a column's name."""
+        if isinstance(channels, str):
+            channels = (channels,)
         if not isinstance(channels, Map):
-            given = (channels or {}).items()
+            named = channels if isinstance(channels, Mapping) else {k: k for k in channels or ()}
+            given = named.items()
             channels = Map({k: Column(one) if isinstance(one, str) else one for k, one in given})
         if time is None:
             return channels
@@ -207,32 +163,17 @@ class Map:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
-        """Read a map from plain data, as a TOML file holds it.
-
-        Raises:
-            InputError: a key is unknown, missing or of the wrong kind.
-        """
-        for key in data:
-            if key not in ("time", "channels", "file"):
-                raise UnknownNameError("key of a map", key, ("time", "channels", "file"))
-        channels = data.get("channels", {})
-        if not isinstance(channels, Mapping):
-            raise InputError(f"[channels] is {channels!r:.40}, expected a table")
-        tables = {
-            k: {"column": k, **o} if isinstance(o, Mapping) else o for k, o in channels.items()
-        }
-        columns = {k: from_plain(Column, one, f"channels.{k}") for k, one in tables.items()}
-        time = from_plain(Clock, data["time"], "time") if "time" in data else None
-        return cls(columns, time, from_plain(Layout, data.get("file", {}), "file"))
+        """Read a map from plain data, as in a TOML file. Raises InputError."""
+        channels = data.get("channels")
+        if isinstance(channels, Mapping):
+            tables = ((k, o) for k, o in channels.items() if isinstance(o, Mapping))
+            named = {name: {"column": name, **table} for name, table in tables}
+            data = {**data, "channels": {**channels, **named}}
+        return from_plain(cls, data, "map")
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
-        """Read a map from a TOML file, such as the help of `identify` shows.
-
-        Raises:
-            StorageError: the file can't be read or isn't TOML.
-            InputError: a key is unknown, missing or of the wrong kind.
-        """
+        """Read a map from a TOML file, as in `identify`'s help. Raises StorageError, InputError."""
         data = read_toml(path)
         with placed(path):
             return cls.from_dict(data)
@@ -253,17 +194,17 @@ def split_heading(heading: str) -> tuple[str, str | None]:
     return match["name"], match["unit"].strip()
 
 
-def find_column(wanted: str, names: Sequence[str], what: str) -> str:
-    """Return the heading of a column by its name, with or without its unit in brackets.
+def find_column(wanted: str, names: Sequence[str], what: str, channel: str = "") -> str:
+    """Return a column's heading by its name, with or without its unit in brackets.
 
-    Raises:
-        UnknownNameError: there is none; the message lists those that exist.
-        InputError: there are several.
+    Raises UnknownNameError, which says how to map the channel, or, for several, InputError.
     """
     found = [name for name in names if name == wanted]
     found = found or [name for name in names if split_heading(name)[0] == wanted.strip()]
     if not found:
-        raise UnknownNameError(what, wanted, [repr(name) for name in names[:60]])
+        remedy = (Option("channel", f"{channel}=COLUMN:UNIT"), Option("map")) if channel else ()
+        listed = [repr(name) for name in names[:60]]
+        raise UnknownNameError(what, wanted, listed, advice=LOOK * bool(channel), remedy=remedy)
     if len(found) > 1:
         raise InputError(f"{what} {wanted!r} is ambiguous: {len(found)} columns have that name")
     return found[0]

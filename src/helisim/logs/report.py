@@ -1,40 +1,29 @@
-"""A log that was read, and its report: what was found, and what was repaired."""
+"""A log that was read, and the report of its findings and repairs."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
-from helisim.base.errors import HelisimError, LogError, RecordError, UnknownNameError
+from helisim.base.errors import HelisimError, LogError, RecordError
 from helisim.base.note import Note, Option, Remedy, options
 from helisim.base.settings import FrozenMap, Value
-from helisim.records.record import FlightRecord, some_names
+from helisim.records.record import FlightRecord
 
-OURS = "helisim record"
-"""Name of helisim's own format, whose channels need no map."""
+OURS = "helisim record"  # Name of helisim's own format, whose channels need no map
 _PARTS_SHOWN = 20  # of a log with more, only so many are printed
-_ROWS_KEPT = 20  # row numbers that a finding keeps; its count says how many there were
+_ROWS_KEPT = 20  # of a finding, at most
 
 
 @dataclass(frozen=True)
 class LogFinding(Note):
-    """One fault or oddity of a log, and whether it was repaired.
+    """One fault or oddity of a log, such as "gap"; `rows` are the first 20.
 
-    Attributes:
-        kind: such as "gap", "duplicate stamp" or "missing number".
-        text: what was found, where, and what was done.
-        remedy: options that mend it or are worth a try, such as Option("repair", "gaps").
-        count: how often.
-        rows: where, the first 20, numbered as `LogReport.counts` says.
-        repaired: whether the data were changed because of it.
+    They count as `LogReport.counts` says. `repaired` is whether data were changed because of it.
     """
 
     count: int = 1
     rows: tuple[int, ...] = ()
     repaired: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "rows", tuple(int(row) for row in self.rows[:_ROWS_KEPT]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -43,16 +32,11 @@ class LogFinding(Note):
 
 
 class Findings(list[LogFinding]):
-    """Findings of a log that is being read; those that stop its use are collected apart.
-
-    Attributes:
-        refused: what stops its use.
-    """
+    """Findings of a log that is being read; `refused` are those that stop its use."""
 
     def __init__(self, noted: Iterable[LogFinding] = ()) -> None:
         super().__init__(noted)
         self.refused: list[LogFinding] = []
-        self._unlisted: tuple[str, ...] = ()
 
     def note(
         self,
@@ -64,9 +48,9 @@ class Findings(list[LogFinding]):
         repaired: bool = False,
         remedy: Remedy = (),
     ) -> None:
-        """Add what is noted; the same text is kept once."""
+        """Add a finding, unless its text is there."""
         if all(text != one.text for one in self):
-            self.append(LogFinding(kind, text, options(remedy), count, rows, repaired))
+            self.append(LogFinding(kind, text, options(remedy), count, rows[:_ROWS_KEPT], repaired))
 
     def refuse(
         self,
@@ -77,43 +61,34 @@ class Findings(list[LogFinding]):
         *,
         remedy: Remedy = (),
     ) -> None:
-        """Add what stops the log's use; the same text is kept once."""
+        """Add a finding that stops the log's use, unless its text is there."""
         if all(text != one.text for one in self.refused):
-            self.refused.append(LogFinding(kind, text, options(remedy), count, rows))
+            self.refused.append(LogFinding(kind, text, options(remedy), count, rows[:_ROWS_KEPT]))
 
     def refuse_error(self, path: object, error: HelisimError) -> None:
-        """Add what an exception says stops the log's use."""
-        if isinstance(error, LogError | UnknownNameError):
-            self._unlisted += error.unlisted
-        found = error.findings if isinstance(error, LogError) else ()
-        for one in found:
-            self.refuse(one.kind, one.text, one.count, one.rows, remedy=one.remedy)
-        if not found:
-            text = str(error)
-            text = text if text.startswith(str(path)) else f"{path}: {text}"
-            self.refuse("refused", text, remedy=error.remedy)
+        """Add an exception as a finding that stops the log's use."""
+        text, known = str(error), {one.text for one in self.refused}
+        if isinstance(error, LogError) and error.findings:
+            self.refused += [one for one in error.findings if one.text not in known]
+        else:
+            place = "" if text.startswith(str(path)) else f"{path}: "
+            self.refuse("refused", f"{place}{text}", remedy=error.remedy)
 
     def check(self) -> None:
-        """Raise LogError, with everything that stops the log's use, if anything does."""
+        """Raise LogError with all refused findings, if there are any."""
         lines = [finding.text for finding in self.refused]
-        if len(lines) > 1:
-            lines = [f"{len(lines)} things are wrong:", *(f"- {line}" for line in lines)]
         if lines:
-            error = LogError("\n".join(lines))
-            error.findings, error.unlisted = tuple(self.refused), self._unlisted
+            many = [f"{len(lines)} things are wrong:", *(f"- {line}" for line in lines)]
+            error = LogError("\n".join(many if len(lines) > 1 else lines))
+            error.findings = tuple(self.refused)
             raise error
 
 
 @dataclass(frozen=True)
 class Part:
-    """One uninterrupted stretch of a log that became a record.
+    """One uninterrupted stretch of a log that became a record, s; `start` is since the first stamp.
 
-    Attributes:
-        first_row, last_row: where it comes from.
-        samples: how many the record has.
-        start: s since the log's first stamp.
-        duration: s.
-        uneven: where and how the samples aren't uniform, and what makes them so; None if they are.
+    `uneven` tells why samples aren't uniform, if so.
     """
 
     first_row: int
@@ -126,22 +101,12 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class LogReport(Value):
-    """How a log became records. Nothing happened that isn't here.
+    """How a log became records, with all that was changed.
 
-    Attributes:
-        path: the file.
-        format: such as "CSV".
-        digest: BLAKE2 of the file's bytes.
-        counts: what rows are counted in: "line" of the file from 1, or "row" from 0.
-        samples: samples in the log, of the channels' column with the most.
-        columns: channel -> how it was computed from which column.
-        unused: columns that no channel comes from.
-        origin: the first stamp, as the log has it.
-        step: smallest, median and largest time between samples, s.
-        findings: what was noticed and what was repaired.
-        resampled_hz: rate of the records, if they were resampled.
-        passband_hz: frequency up to which the anti-alias filter changes nothing, if there was one.
-        parts: one a record.
+    `counts` is "line" of the file from 1, or "row" from 0; `digest` is BLAKE2 of the file; `origin`
+    is the first stamp as the log has it; `step` is the least, median and most time between samples,
+    s. `resampled_hz` is None if not resampled; the anti-alias filter changes nothing to
+    `passband_hz`.
     """
 
     path: str
@@ -149,24 +114,14 @@ class LogReport(Value):
     digest: str
     counts: str
     samples: int
-    columns: Mapping[str, str]
-    unused: tuple[str, ...]
+    columns: FrozenMap[str, str] = field(repr=False)
+    unused: tuple[str, ...] = field(repr=False)
     origin: str
     step: tuple[float, float, float]
-    findings: tuple[LogFinding, ...]
+    findings: tuple[LogFinding, ...] = field(repr=False)
     resampled_hz: float | None
     passband_hz: float | None
-    parts: tuple[Part, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "columns", FrozenMap(self.columns))
-
-    def __repr__(self) -> str:
-        return (
-            f"LogReport({self.path!r}: {self.format}, {self.samples} samples, "
-            f"{len(self.findings)} finding(s), {len(self.repairs)} repair(s), "
-            f"{len(self.parts)} part(s))"
-        )
+    parts: tuple[Part, ...] = field(repr=False)
 
     @property
     def repairs(self) -> tuple[LogFinding, ...]:
@@ -204,7 +159,7 @@ class LogReport(Value):
         return self.worded(lambda finding: finding.text)
 
     def worded(self, word: Callable[[LogFinding], str]) -> str:
-        """Return the report for people, each finding as `word` has it."""
+        """Return the report as text, each finding as `word` returns it."""
         low, middle, high = self.step
         total = sum(part.duration for part in self.parts)
         lines = [
@@ -219,12 +174,10 @@ class LogReport(Value):
                 filtered = f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
             lines.append(f"  resampled to {self.resampled_hz:g} Hz, {filtered}")
         if len(self.parts) > 1:
-            more = f", the {_PARTS_SHOWN} longest" if len(self.parts) > _PARTS_SHOWN else ""
-            longest = sorted(self.parts, key=lambda part: -part.duration)[:_PARTS_SHOWN]
-            lines += [f"  {len(self.parts)} records{more}:"] + [
+            lines.append(f"  {len(self.parts)} records, the first of them:")
+            lines += [
                 f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
-                for part in self.parts
-                if part in longest
+                for part in self.parts[:_PARTS_SHOWN]
             ]
         for one in self.findings:
             lines.append(f"  {'repaired' if one.repaired else 'note'}: {word(one)}")
@@ -233,31 +186,15 @@ class LogReport(Value):
 
 @dataclass(frozen=True, eq=False)
 class Log(Value):
-    """A log that was read.
-
-    Attributes:
-        records: one for each uninterrupted part.
-        report: how they were made.
-        headings: channel -> the column that it comes from.
-    """
+    """A log that was read: a record for each part; `headings` is channel -> column."""
 
     records: tuple[FlightRecord, ...]
-    report: LogReport
-    headings: Mapping[str, str]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "headings", FrozenMap(self.headings))
-
-    def __repr__(self) -> str:
-        samples = sum(map(len, self.records))
-        return (
-            f"Log({Path(self.report.path).name!r}: {samples} samples in {len(self.records)} "
-            f"record(s), {len(self.headings)} channels: {some_names(self.headings)})"
-        )
+    report: LogReport = field(repr=False)
+    headings: FrozenMap[str, str] = field(repr=False)
 
     @property
     def record(self) -> FlightRecord:
-        """The record of a log that has one part. Raises RecordError if it has several."""
+        """The record of a log with one part. Raises RecordError if it has several."""
         if len(self.records) != 1:
             raise RecordError(
                 f"{self.report.path}: has {len(self.records)} parts; use `records`, which "
@@ -266,21 +203,20 @@ class Log(Value):
         return self.records[0]
 
     def where(self, channel: str) -> str:
-        """Return where a channel comes from: file, column and rows."""
+        """Return a channel's file, column and rows, for a message."""
         parts, counts = self.report.parts, self.report.counts
         rows = f"{counts}s {parts[0].first_row} to {parts[-1].last_row}"
         return f"{self.report.path}, column {self.headings.get(channel, channel)!r}, {rows}"
 
     def check_uniform(self) -> None:
-        """Raise LogError, with the rows and what to do, unless every record is uniform."""
+        """Raise LogError, with the rows and a remedy, unless every record is uniform."""
         findings = Findings()
         self.refuse_uneven(findings)
         findings.check()
 
     def refuse_uneven(self, findings: Findings) -> None:
-        """Add the first part whose samples aren't uniform, and how many more there are."""
-        uneven = [part for part in self.report.parts if part.uneven is not None]
-        for part, found in [(one, one.uneven) for one in uneven[:1] if one.uneven]:
+        """Refuse the first part that isn't uniform, with the number of others."""
+        uneven = [part.uneven for part in self.report.parts if part.uneven is not None]
+        if uneven:
             more = f" (and in {len(uneven) - 1} more parts)" if len(uneven) > 1 else ""
-            rows = (part.first_row, part.last_row)
-            findings.refuse(found.kind, found.text + more, rows=rows, remedy=found.remedy)
+            findings.refuse("uneven", uneven[0].text + more, remedy=uneven[0].remedy)

@@ -1,17 +1,9 @@
-"""Cuts a log at its gaps and resamples it: interpolation between samples, then a low-pass filter.
-
-The interpolation is Akima's, modified: smoother than straight lines (a third of their error
-at six samples a period), and without a spline's overshoot where two noisy samples are close
-together. Every channel passes through the same filter, without phase, so frequency responses
-between channels keep their values in its passband.
-"""
+"""Cuts a log at its gaps and resamples it: modified Akima interpolation, low-pass without phase."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,33 +15,18 @@ from helisim.logs.report import Findings, Part
 from helisim.logs.timing import GAP, Options, Samples, unevenness
 
 Array = NDArray[np.float64]
-PASSBAND = 0.8
-"""The filter leaves frequencies unchanged up to this share of half the new rate."""
+PASSBAND = 0.8  # Share of half the new rate up to which the filter changes nothing
 _STOP_DECIBEL = 80.0
 _MAX_SAMPLES = 20_000_000  # numbers of a channel on the fine grid, at most
-_MAX_EXPANSION = 1_000
-"""Numbers of the fine grid for one of the log's, at most, above 100 000: more says that the rate
-or the unit of time is wrong."""
-_FASTER = 1.01  # A log that is faster than the grid by no more than this needs no filter
-_SLOW = 1.5  # median steps: a channel that is slower than the longest step has its own
+_MAX_EXPANSION = 1_000  # Most numbers of the fine grid for one of the log's, above 100 000
+_FASTER = 1.01  # of the grid's rate: a log up to this needs no filter
+_SLOW = 1.5  # median steps: a slower channel has its own longest step
+# Gaps of a logger that drops samples: their least number, and the share shorter than so many s.
 _MANY, _MOST, _SHORT = 20, 0.95, 0.1
-"""Gaps, of which such a share is shorter than so many s, are those of a logger that drops samples:
-a tenth of a second is a fifth of a period at the usual end of the band, 2 Hz."""
-
-
-def check_rate(rate: float) -> float:
-    """Return a rate in Hz as a float. Raises InputError unless it is positive and sane."""
-    try:
-        number = float(rate)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if isinstance(rate, bool) or not (1e-3 <= number <= 1e6):
-        raise InputError(f"resample_hz is {rate!r}, expected 0.001 to 1e6 Hz")
-    return number
 
 
 class Cut(NamedTuple):
-    """One part of a log: its grid or samples (n_time,), values (n_time, n_channel), and origin."""
+    """One part of a log: its instants (n_time,) s, and values (n_time, n_channel)."""
 
     time: Array
     values: Array
@@ -59,184 +36,117 @@ class Cut(NamedTuple):
 def cut(
     stretch: tuple[Samples, ...], options: Options, findings: Findings
 ) -> tuple[list[Cut], float | None]:
-    """Cut a stretch at its gaps, fill what is missing, and resample where asked for.
-
-    Where something is refused, nothing is made.
-
-    Args:
-        stretch: samples of each clock.
-        options: of the reading.
-        findings: what is found is added.
-
-    Returns:
-        The parts, and up to which frequency the filter changes nothing, Hz; None without one.
-    """
-    first, rate = stretch[0], options.rate
-    spans = [
-        [(one.time[a], one.time[b]) for a, b in _runs(one, options, findings)] for one in stretch
-    ]
+    """Cut a stretch at its gaps and resample it; return the parts and the passband, Hz."""
+    first, rate = stretch[0], options.resample_hz
+    gaps = {gap for one in stretch for gap in _gaps(one, options, findings)}
     if findings.refused:
         return [], None
-    lines = _lines(stretch)
-    order = np.argsort([k for line in lines for k in line.columns])
+    lines = [
+        (one.time[known], column[known])
+        for one in stretch
+        for column in one.values.T
+        for known in [np.isfinite(column)]
+    ]
     factor = 1
     if rate is not None:
-        steps = [_median_step(one, k) for one in stretch for k in range(len(one.taken))]
-        ratios = [1.0 / (step * rate) for step in steps]
+        ratios = [1.0 / (_median_step(time) * rate) for time, _ in lines]
         factor = max(1 if ratio <= _FASTER else 2 * math.ceil(ratio) for ratio in ratios)
-    made, short = [], []
-    for start, stop in _shared(spans):
+    made, short = list[Cut](), list[Part]()
+    for start, stop in _spans(stretch, gaps):
         low, high = np.searchsorted(first.time, start), np.searchsorted(first.time, stop, "right")
         inside = first.take(slice(low, high))
         rows = (int(inside.rows[0]), int(inside.rows[-1])) if inside.rows.size else (0, 0)
         time = inside.time
         if rate is not None:
             time = _grid(start, stop, rate, factor, max(one.time.size for one in stretch))
-        span = float(time[-1] - time[0])
-        if time.size < 2 or span < options.min_duration:
-            short.append((*rows, time.size, span))
-            continue
-        if rate is None:
-            values = _filled(inside, lines, start, stop)
+        part = Part(*rows, time.size, float(time[0]), float(time[-1] - time[0]))
+        if time.size < 2 or part.duration < options.min_duration:
+            short.append(part)
+        elif rate is None:
+            values = inside.values.copy()
+            for column, line in zip(values.T, lines):
+                holes = np.isnan(column)
+                if holes.any():
+                    column[holes] = _between(*line, start, stop)(time[holes])
+            part = replace(part, uneven=unevenness(inside, options.max_gap))
+            made.append(Cut(time, values, part))
         else:
-            through = [line.between(start, stop) for line in lines]
-            values = _resampled(through, time, rate, factor)[:, order]
-        uneven = unevenness(inside, options.max_gap) if rate is None else None
-        made.append(Cut(time, values, Part(*rows, time.size, float(time[0]), span, uneven)))
+            through = [_between(*line, start, stop) for line in lines]
+            made.append(Cut(time, _resampled(through, time, rate, factor), part))
     if short:
-        _note_short(first.counts, short, findings)
+        said = (
+            f"{first.counts}s {one.first_row} to {one.last_row} ({one.samples} samples)"
+            for one in short[:20]
+        )
+        text = f"{len(short)} parts are left out as too short: {'; '.join(said)}"
+        rows = tuple(row for one in short for row in (one.first_row, one.last_row))
+        findings.note("short part", text, len(short), rows, repaired=True)
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
 
 
-def _filled(samples: Samples, lines: "Sequence[_Line]", start: float, stop: float) -> Array:
-    """Return values, (n_time, n_channel), with what is missing interpolated."""
-    values = samples.values.copy()
-    for line in lines:
-        for k in line.columns:
-            holes = np.isnan(samples.values[:, k])
-            if holes.any():  # such a line is of one channel
-                values[holes, k] = line.between(start, stop)(samples.time[holes])[:, 0]
-    return values
+def _median_step(time: Array) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
-def _note_short(
-    counts: str, short: Sequence[tuple[int, int, int, float]], findings: Findings
-) -> None:
-    """Note parts that are too short: first and last row, samples, and s each."""
-    first, last, samples, span = short[0]
-    text = f"{counts}s {first} to {last}: {samples} samples, {span:.4g} s, left out as too short"
-    if len(short) > 1:
-        total = sum(one[2] for one in short)
-        text += f"; so were {len(short) - 1} more parts ({total} samples in all)"
-    rows = (first, last) if len(short) == 1 else tuple(one[0] for one in short)
-    findings.note("short part", text, len(short), rows, repaired=True)
-
-
-def _shared(spans: Sequence[Sequence[tuple[float, float]]]) -> list[tuple[float, float]]:
-    """Return the intervals that all of several sorted lists of intervals share."""
-    shared = list(spans[0])
-    for others in spans[1:]:
-        shared = sorted({*_begun(shared, others), *_begun(others, shared)})
-    return shared
-
-
-def _begun(
-    mine: Sequence[tuple[float, float]], others: Sequence[tuple[float, float]]
+def _spans(
+    stretch: Sequence[Samples], gaps: Collection[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Return the shared intervals that begin where one of mine does."""
-    starts = [start for start, _ in others]
-    inside = [(a, min(b, others[k - 1][1])) for a, b in mine if (k := bisect_right(starts, a))]
-    return [(start, stop) for start, stop in inside if start < stop]
+    """Return the intervals, s, in which all clocks have samples and no gap lies."""
+    at = max(float(one.time[0]) for one in stretch)
+    end = min(float(one.time[-1]) for one in stretch)
+    spans = []
+    for start, stop in (*sorted(gaps), (np.inf, np.inf)):
+        spans += [(at, min(start, end))] if at <= min(start, end) else []
+        at = max(at, stop)
+    return spans
 
 
-def _median_step(samples: Samples, k: int) -> float:
-    steps = np.diff(samples.time[np.isfinite(samples.values[:, k])])
-    return float(np.median(steps)) if steps.size else np.inf
-
-
-def _runs(samples: Samples, options: Options, findings: Findings) -> list[tuple[int, int]]:
-    """Return the first and last sample of stretches whose channels have numbers close together."""
-    time, strict = samples.time, options.rate is not None
-    cuts: set[tuple[float, float]] = set()
-    holed = False
+def _gaps(samples: Samples, options: Options, findings: Findings) -> list[tuple[float, float]]:
+    """Return the gaps of any channel, (start, stop) s, and report them."""
+    time, found = samples.time, set[tuple[float, float]]()
     for taken, values in zip(samples.taken, samples.values.T):
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
             raise RecordError(samples.empty(taken.heading))
-        steps = np.diff(time[known])
+        at, steps = time[known], np.diff(time[known])
         wide = np.flatnonzero(steps > _limit(steps, options.max_gap))
-        cuts |= {(float(time[known[k]]), float(time[known[k + 1]])) for k in wide}
-        cuts |= {(-np.inf, float(time[known[0]]))} if known[0] > 0 else set()
-        cuts |= {(float(time[known[-1]]), np.inf)} if known[-1] < time.size - 1 else set()
-        ends = known[0] > 0 or known[-1] < time.size - 1
-        holed = holed or bool(ends or np.any(np.diff(known)[wide] > 1))
-    if strict and options.max_gap is not None:
+        found |= set(zip(at[wide].tolist(), at[wide + 1].tolist()))
+        found |= {(-np.inf, float(at[0]))} if known[0] > 0 else set()
+        found |= {(float(at[-1]), np.inf)} if known[-1] < time.size - 1 else set()
+    if options.resample_hz is not None and options.max_gap is not None:
         _note_bridged(samples, options.max_gap, findings)
-    whole = [(0, time.size - 1)]
-    if not cuts:
-        return whole
-    starts, stops = (np.array(edge) for edge in zip(*sorted(cuts)))
-    _report_gaps(samples, starts, stops, options, strict or holed, findings)
-    return _between(time, starts, stops) if "gaps" in options.repairs else whole
-
-
-def _between(time: Array, starts: Array, stops: Array) -> list[tuple[int, int]]:
-    """Return the runs of samples that no open interval (start, stop) holds or separates."""
-    inside = np.zeros(time.size + 1, dtype=np.int64)
-    later = np.searchsorted(time, starts, side="right")
-    np.add.at(inside, later, 1)
-    np.add.at(inside, np.searchsorted(time, stops, side="left"), -1)
-    # A sample at both a stop and a start belongs to no interval; after a start begins a new run.
-    keep = np.cumsum(inside)[: time.size] <= 0
-    breaks = np.zeros(time.size, dtype=bool)
-    breaks[later[later < time.size]] = True
-    run = np.cumsum(breaks | ~keep)[keep]
-    kept = np.flatnonzero(keep)
-    edges = np.flatnonzero(np.diff(run, prepend=-1, append=-1))
-    return [(int(kept[a]), int(kept[b - 1])) for a, b in pairwise(edges)]
+    if found:
+        _report_gaps(samples, np.array(sorted(found)), options, findings)
+    return sorted(found)
 
 
 def _limit(steps: Array, max_gap: float | None) -> float:
-    """Return the longest step that is no gap, s; a slow channel isn't all gaps."""
     median = float(np.median(steps)) if steps.size else np.inf
     return GAP * median if max_gap is None or max_gap < _SLOW * median else max_gap
 
 
 def _note_bridged(samples: Samples, max_gap: float, findings: Findings) -> None:
-    """Note the gaps that are interpolated as the longest step allows it."""
     steps = np.diff(samples.time)
     wide = np.flatnonzero((steps > _limit(steps, None)) & (steps <= max_gap))
     if wide.size:
-        lost, rows = float(np.sum(steps[wide])), tuple(samples.rows[wide + 1].tolist())
-        share = 100.0 * lost / float(samples.time[-1] - samples.time[0])
-        text = (
-            f"{samples.counts} {rows[0]}: {wide.size} gaps of up to {steps[wide].max():.4g} s "
-            f"({lost:.4g} s, {share:.2g} % of the log) are interpolated, as {max_gap:g} s are "
-            "allowed"
-        )
+        share = 100.0 * float(np.sum(steps[wide])) / float(samples.time[-1] - samples.time[0])
+        text = f"{wide.size} gaps, {share:.2g} % of the log, are interpolated"
+        rows = tuple(samples.rows[wide + 1].tolist())
         findings.note("bridged gap", text, wide.size, rows, repaired=True)
 
 
-def _report_gaps(
-    samples: Samples,
-    starts: Array,
-    stops: Array,
-    options: Options,
-    strict: bool,
-    findings: Findings,
-) -> None:
-    """Note gaps, (n_gap,) from starts to stops, or refuse the log where it is strict."""
+def _report_gaps(samples: Samples, gaps: Array, options: Options, findings: Findings) -> None:
+    """Report gaps, (n_gap, 2) s, increasing; refuse them unless the log is split there."""
     time = samples.time
-    widths = np.clip(stops, None, time[-1]) - np.clip(starts, time[0], None)
-    after = np.clip(np.searchsorted(time, starts, side="right"), 0, time.size - 1)
-    lost, span = float(np.sum(widths)), float(time[-1] - time[0])
-    share = f"{100.0 * lost / span:.2g} %" if span > 0.0 else "all"
+    starts, stops = np.clip(gaps, time[0], time[-1]).T
+    widths, lost = stops - starts, float(np.sum(stops - starts))
+    after = np.minimum(np.searchsorted(time, starts, side="right"), time.size - 1)
+    share = 100.0 * lost / float(time[-1] - time[0])
     what = (
-        f"a gap of {widths[0]:.4g} s from {max(starts[0], time[0]):.6g} s after the start "
-        f"({starts.size} gaps, {lost:.4g} s, {share} of the log)"
+        f"a gap of {widths[0]:.4g} s from {starts[0]:.6g} s after the start ({starts.size} gaps, "
+        f"{lost:.4g} s, {share:.2g} % of the log)"
     )
-    advice = "split the log at its gaps with the repair 'gaps'"
-    remedy = "repair=gaps"
+    advice, remedy = "split the log at its gaps with the repair 'gaps'", "repair=gaps"
     usual = float(np.quantile(widths, _MOST))
     if widths.size >= _MANY and usual <= _SHORT:
         allowed = float(f"{1.1 * usual:.2g}")
@@ -245,77 +155,31 @@ def _report_gaps(
             f"{allowed:g} s (max_gap), and {advice}"
         )
         remedy = f"max_gap={allowed:g},repair=gaps"
-    else:
-        advice += ", or allow longer ones (max_gap)"
-    if strict or "gaps" in options.repairs:
-        done = "split there" if "gaps" in options.repairs else None
-        samples.report(findings, "gap", after, what, done, advice, remedy)
-    else:
-        rows = tuple(samples.rows[after].tolist())
-        findings.note("gap", f"{samples.counts} {rows[0]}: {what}", starts.size, rows)
+    done = "split there" if "gaps" in options.repair else None
+    samples.report(findings, "gap", after, what, done, advice, remedy)
 
 
-Interpolant = Callable[[Array], Array]
-"""Function of time (n_time,) whose values are (n_time, n_channel)."""
+Interpolant = Callable[[Array], Array]  # Function of time (n_time,) whose values are (n_time,)
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """Channels, by their numbers among all, that have values (n_known, n_channel) at instants."""
-
-    columns: tuple[int, ...]
-    time: Array
-    values: Array
-
-    def between(self, start: float, stop: float) -> Interpolant:
-        """Return a function of time between two instants.
-
-        Samples beyond are used only where it has none at the instant itself.
-        """
-        low = max(int(np.searchsorted(self.time, start, side="right")) - 1, 0)
-        high = min(int(np.searchsorted(self.time, stop, side="left")), self.time.size - 1)
-        keep = slice(low, high + 1)
-        return interpolant(self.time[keep], self.values[keep])
-
-
-def _lines(stretch: Sequence[Samples]) -> list[_Line]:
-    """Return the lines through the columns of all clocks, those without a hole together."""
-    found: list[_Line] = []
-    first = 0
-    for one in stretch:
-        known = np.isfinite(one.values)
-        full = np.flatnonzero(known.all(axis=0))
-        values = one.values[:, full] if full.size < len(one.taken) else one.values
-        if full.size:
-            found.append(_Line(tuple((full + first).tolist()), one.time, values))
-        for k in np.flatnonzero(~known.all(axis=0)).tolist():
-            there = known[:, k]
-            found.append(_Line((k + first,), one.time[there], one.values[there, k : k + 1]))
-        first += len(one.taken)
-    return found
-
-
-def interpolant(time: Array, values: Array) -> Interpolant:
-    """Return a function of time through samples, constant beyond the ends.
-
-    Args:
-        time: (n_time,) s, increasing.
-        values: (n_time, n_channel).
-    """
+def _between(time: Array, values: Array, start: float, stop: float) -> Interpolant:
+    low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
+    time, values = time[low : high + 1], values[low : high + 1]
     if time.size < 3:
-        return lambda at: np.column_stack([np.interp(at, time, column) for column in values.T])
-    from scipy.interpolate import Akima1DInterpolator  # slow to import, like all of scipy here
+        return lambda at: np.interp(at, time, values)
+    from scipy.interpolate import Akima1DInterpolator  # slow to import
 
     try:
         with np.errstate(all="ignore"):
             through = Akima1DInterpolator(time, values, method="makima")
-    except ValueError:  # differences beyond any number: the reader refuses what isn't finite
-        return lambda at: np.full((at.size, values.shape[1]), np.nan)
+    except ValueError:  # differences beyond any number
+        return lambda at: np.full(at.size, np.nan)
     return lambda at: through(np.clip(at, time[0], time[-1]))
 
 
 def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> Array:
-    """Return the instants start + k / rate, (n_time,) s, up to stop."""
+    """Return the instants start + k / rate, (n_time,) s, up to `stop`."""
     count = int(min(np.floor((stop - start) * rate + 1e-6), 1e12)) + 1
     most = min(_MAX_SAMPLES, 100_000 + _MAX_EXPANSION * samples)
     if count * factor > most:
@@ -334,7 +198,8 @@ def _resampled(through: Sequence[Interpolant], time: Array, rate: float, factor:
         if factor == 1:
             return columns
         taps = _low_pass(factor)
-        padded = _mirrored(columns, taps.size // 2)
+        half = taps.size // 2
+        padded = np.pad(columns, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
         found = np.empty((time.size, columns.shape[1]))
         for k, column in enumerate(padded.T):
             around = sliding_window_view(np.ascontiguousarray(column), taps.size)[::factor]
@@ -342,21 +207,9 @@ def _resampled(through: Sequence[Interpolant], time: Array, rate: float, factor:
     return found
 
 
-def _mirrored(columns: Array, half: int) -> Array:
-    """Return columns, (n_time, n_channel), with `half` more samples, mirrored, at each end."""
-    if columns.shape[0] <= half:
-        return np.pad(columns, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    before = 2.0 * columns[0] - columns[half:0:-1]
-    after = 2.0 * columns[-1] - columns[-2 : -half - 2 : -1]
-    return np.concatenate([before, columns, after])
-
-
 @cache
 def _low_pass(factor: int) -> Array:
-    """Return a symmetric filter: 1 to PASSBAND of the new half rate, 80 dB down above it.
-
-    A sinc in Kaiser's window; its length is so that its middle falls on a sample of the grid.
-    """
+    """Return a symmetric filter: 1 to PASSBAND of the new half rate, 80 dB down above it."""
     width = (1.0 - PASSBAND) / factor
     length = (_STOP_DECIBEL - 7.95) / (2.285 * math.pi * width)
     half = math.ceil(length / (2.0 * factor)) * factor

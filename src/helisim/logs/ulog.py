@@ -1,8 +1,7 @@
-"""Reads PX4's logs, ULog, by its project's own reader.
+"""Reads PX4's logs, ULog, by pyulog.
 
-A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]`; a second instance is
-`topic[1].field`. PX4 logs attitude as a quaternion; its Euler angles are added as
-`vehicle_attitude.roll`, `pitch` and `yaw`.
+Columns are `topic.field`, such as `vehicle_angular_velocity.xyz[0]`; a second instance is
+`topic[1].field`. Euler angles are added as `vehicle_attitude.roll`, `pitch` and `yaw`.
 """
 
 import contextlib
@@ -22,53 +21,39 @@ from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
-_READS_A_BYTE = 4
-"""A reader that asks more often goes round in circles: a sound log takes less than one."""
+_READS_A_BYTE = 4  # Most reads a byte; a sound log takes less than one
 
 
 class _Finite(io.BufferedReader):
-    """A file with a limit of reads: a corrupt log sends pyulog back to where it was."""
+    """A file with a limit of reads: pyulog may read a corrupt log for ever."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
-        self._reads_left = _READS_A_BYTE * file_size(path) + 1000
+        self._reads = iter(range(_READS_A_BYTE * file_size(path) + 1000))
 
     def read(self, size: int | None = -1) -> bytes:
-        """Read as a file does. Raises EOFError after too many reads."""
-        self._reads_left -= 1
-        if self._reads_left < 0:
+        if next(self._reads, None) is None:
             raise EOFError("its messages lead round in circles")
         return super().read(size)
 
 
 @lru_cache(maxsize=1)
 def open_ulog(path: Path, digest: str) -> Topics:
-    """Return a log; the last one is cached, as several readings of it follow.
-
-    Args:
-        path: the file.
-        digest: of its bytes.
-
-    Raises:
-        StorageError: it is damaged, or pyulog isn't installed.
-    """
+    """Return a log, the last one from a cache. Raises StorageError, also without pyulog."""
     try:
         pyulog = import_module("pyulog")
     except ImportError:
         raise StorageError(
             f"{path}: reading it needs pyulog, which isn't installed: pip install helisim[logs]"
         ) from None
-    said = io.StringIO()
-    quiet = contextlib.redirect_stdout(said), np.errstate(all="ignore")
+    silent, quiet = contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore")
     try:
-        with quiet[0], quiet[1], _Finite(path) as file:
+        with silent, quiet, _Finite(path) as file:
             log = pyulog.ULog(file)
-    except Exception as error:  # a foreign reader of damaged bytes may raise anything
+    except Exception as error:  # pyulog may raise anything on damaged bytes
         reason = shown(str(error), 200) or type(error).__name__
         raise StorageError(f"{path}: not ULog, truncated or corrupt: {reason}") from None
-    lines = [line.strip() for line in said.getvalue().splitlines() if line.strip()]
-    notes = [f"the reader says: {shown(line, 200)}" for line in lines[:1]]
-    findings = [LogFinding("reader's note", note, count=len(lines)) for note in notes]
+    findings = []
     if log.file_corruption:
         findings.append(LogFinding("corruption", "the log is damaged: messages were lost"))
     if log.dropouts:
@@ -78,9 +63,9 @@ def open_ulog(path: Path, digest: str) -> Topics:
     columns: dict[str, NDArray] = {}
     topics, clocks, units = {}, {}, {}
     for one in log.data_list:
-        topic = shown(one.name if one.multi_id == 0 else f"{one.name}[{one.multi_id}]")
+        topic = shown(f"{one.name}[{one.multi_id}]" if one.multi_id else one.name)
         stamps = one.data.get("timestamp")
-        if stamps is None or not len(stamps) or topic in clocks:
+        if stamps is None or topic in clocks:
             continue
         clocks[topic] = stamps.astype(np.float64)
         fields = {shown(name): one for name, one in one.data.items() if one.dtype.kind in "iufb"}

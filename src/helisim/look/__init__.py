@@ -1,9 +1,9 @@
-"""A first look at logs of which nothing is known: see `look`; and logs of SystemID, `systemid`."""
+"""First look at unknown logs (`look`), and at logs of the mode SystemID (`systemid`)."""
 
-from helisim.look.channels import SeenChannel
+from helisim.look.channels import SeenChannel, SeenClock
 from helisim.look.excitation import FoundAnswer, FoundExcitation
-from helisim.look.look import LogLook, Look, Proposal, look
-from helisim.look.opened import SeenClock
+from helisim.look.look import Look, Proposal, look
+from helisim.look.opened import LogLook
 
 __all__ = [
     "FoundAnswer",

@@ -1,4 +1,4 @@
-"""Guesses which column of a log is which channel, and in what unit, and says why."""
+"""Guesses which column of a log is which channel, in what unit, and why."""
 
 import math
 import re
@@ -13,18 +13,12 @@ from helisim.base.errors import HelisimError
 from helisim.base.units import PULSE, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
 from helisim.logs.source import Source
-from helisim.records.record import (
-    ACCELERATIONS,
-    ATTITUDES,
-    CHANNELS,
-    IN1,
-    IN2,
-    POSITIONS,
-    RATES,
-)
+from helisim.logs.timing import steadiness
+from helisim.records.record import ACCELERATIONS, ATTITUDES, CHANNELS, IN1, IN2, POSITIONS, RATES
 
+Array = NDArray[np.float64]
 CONTROLS = (*IN1, *IN2)
-AS_RECORDED = "as recorded"
+AS_RECORDED, GIVEN = "as recorded", "given"  # why a channel is what it is
 _PULSES = (700.0, 2300.0)
 _PULSE_RANGE = 800.0  # us, from one end of a stick to the other: 1100 to 1900
 _UNITISED, _PERCENT = 1.5, 105.0
@@ -35,7 +29,7 @@ _NO_MOVE = 1e-9
 
 
 class Named(NamedTuple):
-    """The meaning of a column's name; of names for the same channel the lowest rank is best."""
+    """The meaning of a column's name; the lowest rank is best."""
 
     channel: str
     unit: str | None
@@ -72,8 +66,7 @@ _NAMES = {
         ("AETR.{}", "Ail Elev Rudd Thr", _INPUTS, "1", "++++"),
         ("RCIN.{}", "C1 C2 C4 C3", _STICKS, "us", "++++"),
     ),
-}
-"""Names of columns in logs of PX4 and of ArduPilot, of a channel the best first."""
+}  # Columns of PX4 and ArduPilot logs; the best of a channel first
 _PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot"}
 _EXACT = {
     log_format: {
@@ -95,12 +88,26 @@ _PATTERNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         for word in ("cmd", "command", "input", "in", "swash", "cyclic", "servo", "out", "torque")
     ),
 )
+_SHORT = (
+    ("gx gy gz", RATES),
+    ("wx wy wz", RATES),
+    ("gyrox gyroy gyroz", RATES),
+    ("accx accy accz", ACCELERATIONS),
+    ("ail ele rud thr", _INPUTS),
+    ("da de dr dt", _INPUTS),
+    ("elev coll hdg", ("lon", "col", "psi")),
+)
 _WORDS: tuple[tuple[str, str, int], ...] = (
     # words that must all be there, channel, sign; the first that fits counts
     *(
         (pattern.format(part), channel, 1)
         for pattern, parts, channels in _PATTERNS
         for part, channel in zip(parts.split(), channels)
+    ),
+    *(
+        (short, channel, 1)
+        for shorts, channels in _SHORT
+        for short, channel in zip(shorts.split(), channels)
     ),
     *((words, "w", -1) for words in ("vertical speed", "climb rate", "climb")),
     ("sink", "w", 1),
@@ -113,27 +120,8 @@ _WORDS: tuple[tuple[str, str, int], ...] = (
     ("pitch", "theta", 1),
     *((words, "psi", 1) for words in ("heading", "yaw")),
 )
-_ALONE = {
-    short: channel
-    for shorts, channels in (
-        ("gx gy gz", RATES),
-        ("wx wy wz", RATES),
-        ("gyrox gyroy gyroz", RATES),
-        ("accx accy accz", ACCELERATIONS),
-        ("ail ele rud thr", _INPUTS),
-        ("da de dr dt", _INPUTS),
-        ("elev coll hdg", ("lon", "col", "psi")),
-    )
-    for short, channel in zip(shorts.split(), channels)
-}
-_RADIO = dict(zip("1243", _STICKS))
-"""Channels of a radio in the usual order: aileron, elevator, throttle, rudder."""
-_RADIO_WORD = re.compile(r"(?:rc|rcin|ch|chan|channel|kanal)(?: in)? ?([1-4])")
 _PILOT = {"stick", "rc", "rcin", "pilot", "manual", "joystick"}
-_ACTING = {"cmd", "command", "input", "in", "out", "servo", "defl", "deflection", "pos", "surface"}
-"""Beside a control's short name."""
 _ASKED = {"setpoint", "sp", "des", "desired", "target", "ref", "demand", "demanded", "std", "var"}
-"""Of what was wanted, not of what was measured."""
 _ENDINGS = {
     "dps": "deg/s", "deg s": "deg/s", "degs": "deg/s", "rads": "rad/s", "rad s": "rad/s",
     "deg": "deg", "rad": "rad", "pct": "percent", "percent": "percent", "pwm": "us", "us": "us",
@@ -143,12 +131,7 @@ _ENDINGS = {
 
 
 def named(heading: str, log_format: str) -> Named | None:
-    """Return what a column's name says, or None.
-
-    Args:
-        heading: of the column, with or without a unit.
-        log_format: such as "ULog": it says whose names they are.
-    """
+    """Return the meaning of a column's heading, None if unknown."""
     if log_format in _EXACT:
         return _EXACT[log_format].get(heading)
     bare, bracketed = split_heading(heading)
@@ -160,78 +143,77 @@ def named(heading: str, log_format: str) -> Named | None:
     ending = max((one for one in _ENDINGS if words.endswith(f" {one}")), key=len, default="")
     words, implied = words.removesuffix(f" {ending}"), implied or _ENDINGS.get(ending)
     have = set(words.split())
-    radio = _RADIO_WORD.fullmatch(words)
     if have & _ASKED:
         return None
-    if radio:
-        return Named(_RADIO[radio[1]], implied, 1, 30, "a radio's usual order of channels")
-    channel, sign, rank = _meant([word for word in words.split() if word not in _PILOT])
+    rest = have - _PILOT
+    meant = (
+        (channel, sign, 1 + rank)
+        for rank, (needed, channel, sign) in enumerate(_WORDS)
+        if set(needed.split()) <= rest
+    )
+    own = " ".join(word for word in words.split() if word in rest)
+    channel, sign, rank = (own, 1, 1) if own in CHANNELS else next(meant, ("", 1, 0))
     if have & _PILOT:
         sticks = dict(zip((*ATTITUDES, *_INPUTS), (*_STICKS[:3], *_STICKS)))
         channel = sticks.get(channel, channel)
     return Named(channel, implied, sign, rank, f"named {bare!r}") if channel else None
 
 
-def _meant(words: list[str]) -> tuple[str, int, int]:
-    """Return the channel that words mean, "" if none, its sign and rank."""
-    name, acted = " ".join(words), " ".join(word for word in words if word not in _ACTING)
-    if name in CHANNELS:
-        return name, 1, 1
-    if name in _ALONE or _ALONE.get(acted) in _INPUTS:
-        return _ALONE.get(name) or _ALONE[acted], 1, 2
-    found = (
-        (channel, sign, 3 + rank)
-        for rank, (needed, channel, sign) in enumerate(_WORDS)
-        if set(needed.split()) <= set(words)
-    )
-    return next(found, ("", 1, 0))
+@dataclass(frozen=True)
+class SeenClock:
+    """A clock of a log: `rate` in Hz, `duration` and `jitter` (rms, without gaps) in s."""
+
+    name: str
+    rate: float
+    samples: int
+    duration: float
+    jitter: float
+    even: str
+    gaps: int
+
+    @classmethod
+    def of(cls, name: str, time: Array) -> "SeenClock":
+        """Return a clock from its stamps, (n_time,) s, increasing."""
+        with np.errstate(over="ignore"):
+            even = steadiness(time)
+        span = float(np.ptp(time)) if time.size else 0.0
+        return cls(name, even.rate, time.size, span, even.rms, even.kind, even.gaps)
+
+    def __str__(self) -> str:
+        even = self.even if self.even == "uniform" else f"jitter {1e3 * self.jitter:.2g} ms rms"
+        even += ", irregular" if self.even == "irregular" else ""
+        gaps = f", {self.gaps} gap(s)" if self.gaps else ""
+        return (
+            f"clock {self.name}: {self.rate:.4g} Hz, {self.samples} samples, {self.duration:.4g} "
+            f"s, {even}{gaps}"
+        )
 
 
 @dataclass(frozen=True)
 class SeenChannel:
-    """A column of a log that was taken for a channel.
-
-    Attributes:
-        name: of the channel.
-        column: where it comes from, and in what unit.
-        why: it is taken for that, and where its unit comes from.
-        rate: samples a second, Hz.
-        low: smallest number in the column.
-        high: largest number in the column.
-        given: whether the map says so, which is then no guess.
-        clock: that it was sampled by.
-    """
+    """A column taken for a channel, its range, and why; a "given" one is no guess."""
 
     name: str
     column: Column
     why: str
-    rate: float
+    clock: SeenClock | None
     low: float
     high: float
-    given: bool = False
-    clock: str = ""
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate, Hz."""
+        return self.clock.rate if self.clock else 0.0
 
     @property
     def sized(self) -> bool:
-        """Whether its unit was guessed by the numbers' size."""
-        return any(text in self.why for text in ("by its size", "by their size", "for lack of"))
-
-    @property
-    def guessed(self) -> bool:
-        """Whether its unit was guessed, so that the data and other channels may know better."""
-        return self.sized or self.why.endswith("unit by name")
+        """Whether the unit was guessed from the numbers' size."""
+        return "by its size" in self.why or "for lack of" in self.why
 
     @property
     def moves(self) -> bool:
         """Whether the column isn't constant."""
         return self.high - self.low > _NO_MOVE * max(abs(self.low), abs(self.high))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        column = {name: getattr(self.column, name) for name in ("unit", "sign", "trim", "range")}
-        rest = {name: getattr(self, name) for name in ("low", "high", "given", "clock")}
-        about = {"name": self.name, "column": self.column.column, **column}
-        return {**about, "why": self.why, "rate_hz": self.rate, **rest}
 
     def __str__(self) -> str:
         sign, still = "-" if self.column.sign < 0 else "", "" if self.moves else ", constant"
@@ -242,110 +224,93 @@ class SeenChannel:
 
 
 def guess(
-    source: Source, given: Mapping[str, Column], rates: Mapping[str, float]
+    source: Source, given: Mapping[str, Column], clocks: Mapping[str, SeenClock]
 ) -> tuple[SeenChannel, ...]:
-    """Return the channels that a log seems to have.
-
-    Args:
-        source: the opened log.
-        given: channel -> column, as far as the user says it.
-        rates: of each clock of the log, Hz.
-    """
+    """Return the channels that a log seems to have; `given` ones as the user named them."""
     seen: dict[str, SeenChannel] = {}
     ranks: dict[str, int] = {}
     for name, column in given.items():
         try:
             heading = find_column(column.column, source.names, "column")
-            values = source.numbers(heading)
+            known = _known(source, heading)
         except HelisimError:
-            continue  # reading it will say so
+            continue  # reading reports it
         column = replace(column, column=heading, unit=column.unit or source.stated_unit(heading))
-        rate = rates.get(source.clock(heading), 0.0)
-        seen[name] = replace(_seen(name, column, "given", rate, values), given=True)
+        clock = clocks.get(source.clock(heading))
+        seen[name] = SeenChannel(name, column, GIVEN, clock, *_range(known))
     taken = {one.column.column for one in seen.values()}
-    for heading in source.names:
-        meant = named(heading, source.format) if heading not in taken else None
-        rate = rates.get(source.clock(heading), 0.0) if meant is not None else 0.0
-        if meant is None or rate <= 0.0:
+    for heading in (name for name in source.names if name not in taken):
+        meant, clock = named(heading, source.format), clocks.get(source.clock(heading))
+        if meant is None or clock is None:
             continue
         other = seen.get(meant.channel)
         if other is not None and (
-            other.given
+            other.why == GIVEN
             or not (
-                (other.moves and rate > 1.5 * other.rate)
-                or (meant.rank < ranks[meant.channel] and rate > other.rate / 1.5)
+                (other.moves and clock.rate > 1.5 * other.rate)
+                or (meant.rank < ranks[meant.channel] and clock.rate > other.rate / 1.5)
             )
         ):
             continue
         try:
-            values = source.numbers(heading)
+            known = _known(source, heading)
         except HelisimError:
             continue
-        if np.count_nonzero(np.isfinite(values)) > 1 and not _geographic(heading, values):
-            seen[meant.channel] = _guessed(source, heading, meant, rate, values)
-            ranks[meant.channel] = meant.rank
+        if known.size > 1 and not _geographic(heading, known):
+            column, why = _in_unit(source.stated_unit(heading), heading, meant, known)
+            found = SeenChannel(meant.channel, column, why, clock, *_range(known))
+            seen[meant.channel], ranks[meant.channel] = found, meant.rank
     return _same_family(tuple(seen.values()))
 
 
-def _geographic(heading: str, values: NDArray[np.float64]) -> bool:
-    """Return whether a column called lat or lon is of the globe."""
-    level, spread = abs(float(np.nanmedian(values))), float(np.nanmax(values) - np.nanmin(values))
+def _known(source: Source, heading: str) -> Array:
+    values = source.numbers(heading)
+    return values[np.isfinite(values)]
+
+
+def _range(known: Array) -> tuple[float, float]:
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+
+
+def _geographic(heading: str, known: Array) -> bool:
+    level = abs(float(np.median(known)))
     named = split_heading(heading)[0].lower() in ("lat", "lon")
-    return named and level > _UNITISED and spread < 0.05 * level
+    return named and level > _UNITISED and float(np.ptp(known)) < 0.05 * level
 
 
-def _guessed(
-    source: Source, heading: str, meant: Named, rate: float, values: NDArray[np.float64]
-) -> SeenChannel:
-    stated, known = source.stated_unit(heading), values[np.isfinite(values)]
-    column = Column(heading, sign=meant.sign)
+def _in_unit(stated: str | None, heading: str, meant: Named, known: Array) -> tuple[Column, str]:
+    """Return a column with its unit, stated or guessed from values (n_known,), and why."""
+    unit, found = stated or meant.unit, dict[str, Any]()
     if meant.channel in CONTROLS:
-        column, why = _control(column, stated or meant.unit, known)
+        found, why = _control(unit, known)
     else:
-        unit, why = (stated, "unit stated") if stated else (meant.unit, "unit by name")
+        why = "unit stated" if stated else "unit by name"
         if unit is None or (unit in UNITS and UNITS[unit].si != CHANNELS[meant.channel].unit):
             unit, why = _by_size(meant.channel, known)
-        column = replace(column, unit=unit)
-    return _seen(meant.channel, column, f"{meant.why}; {why}", rate, values)
+        found["unit"] = unit
+    return Column(heading, sign=meant.sign, **found), f"{meant.why}; {why}"
 
 
-def _seen(
-    name: str, column: Column, why: str, rate: float, values: NDArray[np.float64]
-) -> SeenChannel:
-    known = values[np.isfinite(values)]
-    known = known if known.size else np.zeros(1)
-    return SeenChannel(name, column, why, rate, float(known.min()), float(known.max()))
-
-
-def _control(column: Column, unit: str | None, known: NDArray[np.float64]) -> tuple[Column, str]:
-    """Return a control's column with unit, trim and range by its numbers, (n_known,), and why."""
+def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
+    """Return a control's unit, trim and range from values (n_known,), and why."""
     middle, size = float(np.median(known)), float(np.max(np.abs(known)))
-    span = float(f"{np.ptp(known):.3g}") or 1.0
+    spans = {"trim": middle, "range": float(f"{np.ptp(known):.3g}") or 1.0}
     if unit == PULSE or (unit is None and _PULSES[0] <= known.min() and size <= _PULSES[1]):
-        found = {"unit": PULSE, "trim": float(round(middle)), "range": _PULSE_RANGE}
         why = f"pulses; trim is their median, range the usual {_PULSE_RANGE:g} us"
-    elif unit == "percent" or (unit in (None, "1") and _UNITISED < size <= _PERCENT):
-        found, why = {"unit": "percent"}, f"percent: it reaches {size:.3g}"
-    elif unit in UNITS and UNITS[unit].si == "1":
-        found, why = {"unit": unit}, "without dimension"
-    elif unit in UNITS:
-        found = {"unit": unit, "trim": middle, "range": span}
-        why = f"in {unit}; range is what it spans"
-    elif size <= _UNITISED:
-        found, why = {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
-    else:
-        found = {"unit": "1", "trim": float(f"{middle:.4g}"), "range": span}
-        why = "of unknown unit; trim is its median, range what it spans"
-    return replace(column, **found), why
+        return {"unit": PULSE, "trim": float(round(middle)), "range": _PULSE_RANGE}, why
+    if unit == "percent" or (unit in (None, "1") and _UNITISED < size <= _PERCENT):
+        return {"unit": "percent"}, f"percent: it reaches {size:.3g}"
+    if size <= _UNITISED and unit in (None, "1"):
+        return {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
+    return {"unit": unit or "1", **spans}, f"in {unit or 'any unit'}; range is what it spans"
 
 
-def _by_size(channel: str, known: NDArray[np.float64]) -> tuple[str, str]:
-    """Return the unit that the numbers' size says, (n_known,), and that it does."""
+def _by_size(channel: str, known: Array) -> tuple[str, str]:
+    """Return the unit that fits the size of values (n_known,), and why."""
     si, high = CHANNELS[channel].unit, float(np.quantile(np.abs(known), 0.99))
     if channel == "az":
         level = abs(float(np.median(known)))
-        off = {one: abs(math.log(max(level, 1e-9) / size)) for one, size in _GRAVITIES.items()}
-        unit = min(off, key=lambda one: off[one])
+        unit = min(_GRAVITIES, key=lambda one: abs(math.log(max(level, 1e-9) / _GRAVITIES[one])))
         return unit, f"{unit} by gravity, {level:.3g}"
     angle = _EULER / 2.0 if channel == "theta" else 2.0 * math.pi
     limits = {"rad/s": ("deg/s", _FAST), "rad": ("deg", angle)}
@@ -356,21 +321,18 @@ def _by_size(channel: str, known: NDArray[np.float64]) -> tuple[str, str]:
 
 
 def _same_family(seen: tuple[SeenChannel, ...]) -> tuple[SeenChannel, ...]:
-    """Give rates, angles and accelerations whose unit was guessed by size the same unit."""
-    units: dict[str, str | None] = {}
+    units = {name: one.column.unit for one in seen if one.name == "az" for name in ("ax", "ay")}
     for family in (RATES, ATTITUDES):
-        large = [
-            one.column.unit
-            for one in seen
-            if one.name in family and one.sized and one.column.unit not in (None, "rad", "rad/s")
-        ]
+        sized = [one.column.unit for one in seen if one.name in family and one.sized]
+        large = [unit for unit in sized if unit in ("deg", "deg/s")]
         units |= dict.fromkeys(family, large[0]) if large else {}
-    units |= {name: one.column.unit for one in seen if one.name == "az" for name in ("ax", "ay")}
-    found = []
-    for one in seen:
-        unit = units.get(one.name)
-        if unit is not None and one.sized and unit != one.column.unit:
-            why = f"{one.why.rpartition(';')[0]}; {unit} like the others, by their size"
-            one = replace(one, column=replace(one.column, unit=unit), why=why)
-        found.append(one)
-    return tuple(found)
+    return tuple(
+        replace(
+            one,
+            column=replace(one.column, unit=units[one.name]),
+            why=f"{one.why.rpartition(';')[0]}; {units[one.name]} by its size, like the others",
+        )
+        if one.sized and units.get(one.name, one.column.unit) != one.column.unit
+        else one
+        for one in seen
+    )

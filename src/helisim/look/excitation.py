@@ -1,20 +1,21 @@
-"""Finds what was flown on a control, and what answers it: shapes, bands, closed loops."""
+"""Finds what excited a control, which channels respond and in which band, and closed loops."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.note import Option
-from helisim.base.units import without_trend
+from helisim.base.units import window_transforms
 from helisim.ident.rational import order
 from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
+    CHANNELS,
     IN1,
     IN2,
     RATES,
@@ -23,60 +24,37 @@ from helisim.records.record import (
 )
 
 Array = NDArray[np.float64]
-Kind = Literal["sweep", "multisine", "sine", "3-2-1-1", "doublet", "pulse", "motion"]
-"""Of a control's motion; "motion" is without such a shape: a pilot, a controller, noise."""
+Complex = NDArray[np.complex128]
+Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
-_LONGEST_BLOCK = 5.0
-"""s, in which a control must move to count as active; a twentieth of shorter logs."""
+_LONGEST_BLOCK = 5.0  # s, block to count as active; 1/20 of short logs
 _ACTIVE = 0.3  # of what it moves in its liveliest blocks, from which a control is active
 _QUIET = 0.6  # of its liveliest blocks, that its quietest move at most where they are noise
-_BEGUN, _CLEAR = 0.1, 4.5
-"""Of what it spans, and of the noise at rest, from which an excitation has begun."""
+_BEGUN, _CLEAR = 0.1, 4.5  # share of its span, multiple of the noise at rest
 _REST = 6.0  # s, for which an excitation may rest in between, as a slow sweep does
 _REST_SHARE = 0.1  # of the log, that a control must rest for its resting place to be known
 _HYSTERESIS = 0.3  # of the amplitude, beyond which a half-wave begins
 _RISING = 0.75  # rank correlation of frequency and time from which a signal is a sweep
 _SPAN = 2.5  # of highest to lowest frequency, from which a signal is a sweep
 _FEWEST_WAVES = 8
-_RIDGE_WINDOWS = 24
 _FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
-_LINES = 0.9  # share of power that counts as a multisine's lines
-_FEWEST_LINES = 3
-_LOBE = 3
-"""Frequencies to either side of a line that it lights up."""
-_DARK = 1e-3  # of a line's power, that is between a multisine's lines at most; noise has a tenth
-_STRONG = 0.25  # of a strong window's power, from which a window's frequency counts
-_STEADY = 0.35  # by which the thirds of a multisine differ in size, relative
+_SHAPES: dict[int, Kind] = {1: "pulse", 2: "doublet", 4: "3-2-1-1"}  # by half-waves
 _DOUBLET_BAND = (1.0, 3.3)  # of the half-wave's inverse, rad: where a doublet has most of its power
+_POWER = (0.03, 0.97)  # shares of a motion's power between which its band is
 _WINDOWS = 5.0  # of an excitation's length, windows that don't overlap; nine that do
 _SAMPLES_A_PERIOD = 10.0
-_SMOOTHED = 5
-"""Frequencies over which the median of the coherence counts."""
+_SMOOTHED = 5  # frequencies of the coherence's running median
 _NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a line
 _BESIDE = 1.3  # by which a band may go beyond what was excited
-_FEEDBACK = 0.5
-"""Partial coherence of control and motion, sticks apart, from which a loop is closed."""
-_OWN = 0.05
-"""Share of a control's power that its stick doesn't explain, from which something else drives."""
+_FEEDBACK = 0.5  # partial coherence of control and motion in a closed loop
+_OWN = 0.05  # share of a control's power not explained by its stick
 _OF_OTHERS = {**dict.fromkeys(ATTITUDES, "tf:0/2"), **dict.fromkeys(ACCELERATIONS, "tf:1/1")}
-"""A lag with one more integral for an angle, one less for an acceleration."""
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
-_UNITS = {"start": "start_s", "stop": "stop_s", "low": "low_rad_s", "high": "high_rad_s"}
 
 
 @dataclass(frozen=True)
 class FoundExcitation:
-    """The motion of a control in a log.
-
-    Attributes:
-        channel: the control.
-        kind: such as "sweep".
-        start: s.
-        stop: s.
-        low: lowest frequency, rad/s.
-        high: highest frequency, rad/s.
-        amplitude: from where it rests, in the channel's SI unit.
-    """
+    """The motion of a control: times in s, band in rad/s, amplitude from rest in SI units."""
 
     channel: str
     kind: Kind
@@ -86,23 +64,17 @@ class FoundExcitation:
     high: float
     amplitude: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return {_UNITS.get(name, name): value for name, value in vars(self).items()}
+    def __str__(self) -> str:
+        size = f"{self.amplitude:.3g} {CHANNELS[self.channel].unit}".removesuffix(" 1")
+        return (
+            f"{self.kind} on {self.channel} from {self.start:.4g} to {self.stop:.4g} s, "
+            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}"
+        )
 
 
 @dataclass(frozen=True)
 class FoundAnswer:
-    """A channel that answers a control coherently.
-
-    Attributes:
-        input: the control.
-        output: the channel.
-        low: of the usable band, rad/s.
-        high: of the usable band, rad/s.
-        coherence: mean in the band.
-        structure: of a transfer function that follows it, to begin with.
-    """
+    """A channel that responds coherently in a band, rad/s, with a `structure` such as "tf:0/2"."""
 
     input: str
     output: str
@@ -111,19 +83,12 @@ class FoundAnswer:
     coherence: float
     structure: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return {_UNITS.get(name, name): value for name, value in vars(self).items()}
+    def __str__(self) -> str:
+        return f"{self.output} from {self.low:.3g} to {self.high:.3g} ({self.coherence:.2f})"
 
 
 def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | None:
-    """Return what a control did where it moved most; None where it rests.
-
-    Args:
-        channel: its name.
-        time: (n_time,) s, uniform.
-        values: (n_time,).
-    """
+    """Return a control's main excitation from times and values, (n_time,) each; None at rest."""
     if time.size < 50 or np.ptp(values) <= 1e-9 * np.max(np.abs(values)):
         return None
     inside = _active(time, values)
@@ -137,7 +102,6 @@ def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | No
 
 
 def _active(time: Array, values: Array) -> slice:
-    """Return the samples of the longest time in which a control is active."""
     step = (time[-1] - time[0]) / (time.size - 1)
     width = min(max((time[-1] - time[0]) / 20.0, 5.0 * step), _LONGEST_BLOCK)
     size = max(round(width / step), 2)
@@ -163,147 +127,92 @@ def _active(time: Array, values: Array) -> slice:
 
 
 def _kind(time: Array, values: Array, amplitude: float) -> tuple[Kind, float, float]:
-    """Return what a signal is, and its lowest and highest frequency, rad/s."""
-    waves = _half_waves(time, values, _HYSTERESIS * amplitude)
+    """Return a signal's shape, and its lowest and highest frequency, rad/s."""
+    duration, step = float(time[-1] - time[0]), float(time[1] - time[0])
+    # half-waves, from one change of sign to the next
+    least = _HYSTERESIS * amplitude
+    known = np.flatnonzero(np.abs(values) > least)
+    turns = known[1:][np.diff(np.sign(values[known])) != 0]
+    edges = np.concatenate([time[known[:1]], time[turns], time[known[-1:]]])
+    waves = np.maximum(np.diff(edges), step)
     if waves.size < _FEWEST_WAVES:
-        duration = float(time[-1] - time[0])
         width = duration / max(waves.size, 1)
-        shapes: dict[int, Kind] = {1: "pulse", 2: "doublet", 4: "3-2-1-1"}
-        kind = shapes.get(int(waves.size), "motion") if duration <= _FAST_ENDING else "motion"
+        kind = _SHAPES.get(int(waves.size), "motion") if duration <= _FAST_ENDING else "motion"
         return kind, _DOUBLET_BAND[0] / width, _DOUBLET_BAND[1] / width
     frequency = np.pi / waves
-    smooth = np.median(np.stack([frequency[:-2], frequency[1:-1], frequency[2:]]), axis=0)
-    for found in (smooth, _ridge(time, values)):
-        edge = max(found.size // 10, 1)
-        begin, end = float(np.median(found[:edge])), float(np.median(found[-edge:]))
-        ranks = np.argsort(np.argsort(found))
-        rising = abs(float(np.corrcoef(ranks, np.arange(found.size))[0, 1])) > _RISING
-        if rising and max(begin, end) > _SPAN * min(begin, end):
-            low = found[:2] if begin < end else found[-2:]  # few waves are slow
-            return "sweep", float(np.min(low)), max(begin, end)
-    return _lines(time, values)
-
-
-def _ridge(time: Array, values: Array) -> Array:
-    """Return the strongest frequency of each strong window, rad/s: under noise, too."""
-    length = 2 * max(values.size // (_RIDGE_WINDOWS + 1), 4)
-    step = (time[-1] - time[0]) / (time.size - 1)
-    starts = range(0, values.size - length + 1, length // 2)
-    parts = np.stack([values[k : k + length] - values[k : k + length].mean() for k in starts])
-    power = np.abs(np.fft.rfft(parts * np.hanning(length), axis=1)) ** 2
-    omega = 2.0 * np.pi * np.fft.rfftfreq(length, step)
-    peak = np.max(power[:, 1:], axis=1)
-    strong = peak > _STRONG * np.quantile(peak, 0.75)
-    return omega[1 + np.argmax(power[strong, 1:], axis=1)]
-
-
-def _half_waves(time: Array, values: Array, least: float) -> Array:
-    """Return how long each half-wave lasts, s: from one change of sign to the next."""
-    side = np.where(values > least, 1, np.where(values < -least, -1, 0))
-    known = np.flatnonzero(side)
-    if not known.size:
-        return np.empty(0)
-    turns = known[1:][np.diff(side[known]) != 0]
-    edges = np.concatenate([[time[known[0]]], time[turns], [time[known[-1]]]])
-    return np.maximum(np.diff(edges), time[1] - time[0])
-
-
-def _lines(time: Array, values: Array) -> tuple[Kind, float, float]:
-    """Return whether a signal is of few steady lines, and the band that has its power."""
-    step = (time[-1] - time[0]) / (time.size - 1)
+    found = np.median(np.stack([frequency[:-2], frequency[1:-1], frequency[2:]]), axis=0)
+    edge = max(found.size // 10, 1)
+    begin, end = float(np.median(found[:edge])), float(np.median(found[-edge:]))
+    ranks = np.argsort(np.argsort(found))
+    rising = abs(float(np.corrcoef(ranks, np.arange(found.size))[0, 1])) > _RISING
+    if rising and max(begin, end) > _SPAN * min(begin, end):
+        low = found[:2] if begin < end else found[-2:]  # few waves are slow
+        return "sweep", float(np.min(low)), max(begin, end)
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    held = np.cumsum(power) / np.sum(power)
     omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, step)
-    ranked = np.argsort(power)[::-1]
-    held = np.cumsum(power[ranked]) / np.sum(power)
-    strong = np.sort(ranked[: int(np.searchsorted(held, _LINES)) + 1])
-    low, high = float(max(omega[strong[0]], omega[1])), float(omega[strong[-1]])
-    thirds = [float(np.std(part)) for part in np.array_split(values, 3)]
-    padded = np.pad(power, 2)
-    around = np.max([padded[k : k + power.size] for k in (0, 1, 3, 4)], axis=0)
-    peaks = strong[power[strong] > around[strong]]
-    near = np.zeros(power.size, dtype=bool)
-    near[np.clip(peaks[:, None] + np.arange(-_LOBE, _LOBE + 1), 0, power.size - 1)] = True
-    band = slice(strong[0], strong[-1] + 1)
-    between = power[band][~near[band]]
-    if np.ptp(thirds) > _STEADY * np.mean(thirds):
-        return "motion", low, high
-    if peaks.size == 1 and strong.size <= 2 * _LOBE + 1:
-        return "sine", low, high
-    sharp = between.size >= peaks.size and np.median(between) < _DARK * np.median(power[peaks])
-    return ("multisine" if peaks.size >= _FEWEST_LINES and sharp else "motion"), low, high
+    low, high = omega[np.searchsorted(held, _POWER)]
+    return "motion", float(max(low, omega[1])), float(high)
 
 
 def answers(
     record: FlightRecord, excited: Sequence[FoundExcitation], rates: Mapping[str, float]
 ) -> tuple[FoundAnswer, ...]:
-    """Return the coherent answers to what was excited, best first.
-
-    Args:
-        record: uniform.
-        excited: what was found in it.
-        rates: samples a second of each channel, before it was resampled, Hz.
-    """
-    pairs = [
-        (one, output, record.slice(one.start, one.stop))
+    """Return the coherent responses, best first; `rates` are each channel's rate as logged, Hz."""
+    found = [
+        answer
         for one in excited
         for output in _ANSWERS
         if output in record
+        for answer in _answer(record.slice(one.start, one.stop), one, output, rates)
     ]
-    found = [_answer(part, one, output, rates) for one, output, part in pairs]
-    known = [one for one in found if one is not None]
-    return tuple(sorted(known, key=lambda one: -one.coherence * np.log(one.high / one.low)))
+    return tuple(sorted(found, key=lambda one: -one.coherence * np.log(one.high / one.low)))
 
 
 def _answer(
     part: FlightRecord, excited: FoundExcitation, output: str, rates: Mapping[str, float]
-) -> FoundAnswer | None:
-    """Return the widest coherent band of an output, None if there is none."""
+) -> list[FoundAnswer]:
     step = part.duration / (len(part) - 1)
     omega, cross = _cross_spectra(part.select((excited.channel, output)), step)
-    power = (cross[:, 0, 0] * cross[:, 1, 1]).real
-    coherence = np.abs(cross[:, 0, 1]) ** 2 / np.where(power > 0.0, power, np.inf)
+    coherence = _coherence(cross, 0, 1)
     padded = np.pad(coherence, _SMOOTHED // 2, mode="edge" if omega.size else "constant")
     smooth = np.median([padded[k : k + omega.size] for k in range(_SMOOTHED)], axis=0)
-    rate = min(rates.get(name, np.inf) for name in (excited.channel, output))
-    high = min(2.0 * np.pi * min(rate, 1.0 / step) / _SAMPLES_A_PERIOD, _BESIDE * excited.high)
+    rate = min(1.0 / step, *(rates.get(name, np.inf) for name in (excited.channel, output)))
+    high = min(2.0 * np.pi * rate / _SAMPLES_A_PERIOD, _BESIDE * excited.high)
     usable = (smooth >= USABLE_COHERENCE) & (omega <= high) & (omega >= excited.low / _BESIDE)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     runs = [(omega[a], omega[b - 1], slice(a, b)) for a, b in zip(edges[::2], edges[1::2])]
     low, high, inside = max(runs, key=lambda run: run[1] / run[0], default=(1.0, 0.0, slice(0)))
     if high < _NARROWEST * low:
-        return None
+        return []
     structure = _OF_OTHERS.get(output)
     if structure is None:
         zeros, poles = order(omega[inside], cross[inside, 1, 0] / cross[inside, 0, 0])
         structure = f"tf:{zeros}/{poles}"
     mean = float(np.mean(coherence[inside]))
-    return FoundAnswer(excited.channel, output, float(low), float(high), mean, structure)
+    return [FoundAnswer(excited.channel, output, float(low), float(high), mean, structure)]
 
 
-def _cross_spectra(columns: Array, step: float) -> tuple[Array, NDArray[np.complex128]]:
+def _cross_spectra(columns: Array, step: float) -> tuple[Array, Complex]:
     """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel)."""
     length, width = 2 * int(columns.shape[0] / (2.0 * _WINDOWS)), columns.shape[1]
     if length < 32:
         return np.empty(0), np.empty((0, width, width), np.complex128)
-    window = (0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length))[:, None]
-    starts = range(0, columns.shape[0] - length + 1, length // 2)
-    parts = [np.fft.rfft(without_trend(columns[k : k + length]) * window, axis=0) for k in starts]
-    omega = 2.0 * np.pi * np.fft.rfftfreq(length, step)
-    keep = omega >= 2.0 * np.pi / (length * step)
-    cross = sum(part[keep, :, None] * part[keep, None, :].conj() for part in parts)
-    return omega[keep].astype(np.float64), np.asarray(cross, dtype=np.complex128)
+    parts = window_transforms(columns, length)[:, 1:]
+    omega = 2.0 * np.pi * np.fft.rfftfreq(length, step)[1:]
+    return np.asarray(omega, np.float64), np.einsum("kfa,kfb->fab", parts, parts.conj())
+
+
+def _coherence(cross: Complex, one: int, other: int) -> Array:
+    """Return the coherence of two signals, (n_freq,); 0 without power."""
+    power = (cross[:, one, one] * cross[:, other, other]).real
+    return np.abs(cross[:, one, other]) ** 2 / np.where(power > 0.0, power, np.inf)
 
 
 def loops(
     record: FlightRecord, found: Sequence[FoundAnswer], rates: Mapping[str, float]
 ) -> list[LogFinding]:
-    """Return the controls that follow the motion besides their stick: a loop is closed there.
-
-    Args:
-        record: uniform.
-        found: which channels answer which controls.
-        rates: samples a second of each channel, before it was resampled, Hz.
-    """
+    """Return findings of closed loops; `rates` are each channel's rate as logged, Hz."""
     findings = []
     for actuator, stick in zip(IN1, IN2):
         best = next((one for one in found if one.input == actuator), None)
@@ -313,13 +222,10 @@ def loops(
         omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1))
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / _SAMPLES_A_PERIOD
         cross = cross[(omega >= best.low) & (omega <= min(best.high, resolved))]
-        power = (cross[:, 0, 0] * cross[:, 1, 1]).real
-        own = 1.0 - np.abs(cross[:, 0, 1]) ** 2 / np.where(power > 0.0, power, np.inf)
-        # without what the stick explains
+        own = 1.0 - _coherence(cross, 0, 1)
         scale = np.where(cross[:, 0, 0].real > 0.0, cross[:, 0, 0], np.inf)[:, None, None]
-        left = cross[:, 1:, 1:] - cross[:, 1:, :1] * cross[:, :1, 1:] / scale
-        power = (left[:, 0, 0] * left[:, 1, 1]).real
-        partial = np.abs(left[:, 0, 1]) ** 2 / np.where(power > 0.0, power, np.inf)
+        left = cross - cross[:, :, :1] * cross[:, :1, :] / scale  # without what the stick explains
+        partial = _coherence(left, 1, 2)
         if partial.size and np.median(own) >= _OWN and np.median(partial) > _FEEDBACK:
             text = (
                 f"{actuator} follows {best.output} besides {stick} (partial coherence "

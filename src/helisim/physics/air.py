@@ -1,17 +1,8 @@
-"""The air at a vehicle: steady wind, gust, turbulence, and the ground below its rotor.
+"""The air at a vehicle: steady wind (`opt.wind`), gust, turbulence, and the ground below its rotor.
 
-The steady wind is MuJoCo's own `opt.wind`; gust and turbulence are the vehicle's, set in its
-parameters, and turbulence has its states among the vehicle's activations.
-
-Dryden turbulence after MIL-F-8785C, section 3.7: white noise through lags, in axes along the
-path through the air (x forward, y right, z down). The noise is a hash of the seed and of the
-gyro's tick, held for the tick, so it depends neither on threads nor on the time step.
-
-The ground is planes and boxes that vehicles can land on, moving ones too. Cheeseman and Bennett
-(R&M 3021) put a source in the hub and its image below the ground. The image of a hub at a distance
-d from a plane pushes along the plane's normal, so the shaft sees the cosine of the angle between
-the two: (R / 4d)^2 cos, level or sloping. Of a plate with edges, such as a deck, it is as much as
-there is of the disc above it.
+Dryden turbulence after MIL-F-8785C, section 3.7, in axes along the path (x forward, y right, z
+down), from noise held for each gyro tick. The ground is planes and boxes; its effect is the source
+and image of Cheeseman and Bennett (R&M 3021), (R / 4d)^2 cos(slope), by the disc's share above it.
 """
 
 import math
@@ -68,11 +59,7 @@ def relative_motion(view, air):
 
 @kernel()
 def write_turbulence_rates(view, step):
-    """Write the derivatives of the turbulence's states; the noise is that of the last tick.
-
-    Over a `step` (s) that an evaluation is held for, their mean: the Taylor series of the
-    exponential to fourth order, as Runge-Kutta's. At 0 the derivatives now.
-    """
+    """Write the derivatives of the turbulence's states; the noise is that of the last tick."""
     par = view.par
     if par[PARAM.turbulence_on] == 0.0 or view.sensors < 0:
         return
@@ -80,9 +67,8 @@ def write_turbulence_rates(view, step):
     noise, stage = buffer(4), buffer(_TURBULENCE_STATES)
     for channel in range(4):
         level, lag = par[PARAM.turbulence_u + channel], par[PARAM.turbulence_lag_u + channel]
-        noise[channel] = white(
-            level, lag, par[PARAM.gyro_period], par[PARAM.turbulence_seed], channel, tick
-        )
+        hashed = hashed_noise(par[PARAM.turbulence_seed], channel, tick)
+        noise[channel] = level * math.sqrt(2.0 * lag / par[PARAM.gyro_period]) * hashed
     lags = (
         par[PARAM.turbulence_lag_u],
         par[PARAM.turbulence_lag_v],
@@ -100,11 +86,7 @@ def write_turbulence_rates(view, step):
 
 @kernel()
 def one_minus_cosine(since, rise, hold):
-    """Return a gust's share of its full strength (MIL-F-8785C, section 3.7.1.3).
-
-    since: s since its start; rise: s from nothing to full strength, and back; hold: s at full
-    strength.
-    """
+    """Return a gust's share of full strength (MIL-F-8785C, section 3.7.1.3); arguments in s."""
     if since <= 0.0:
         return 0.0
     if since < rise:
@@ -118,20 +100,10 @@ def one_minus_cosine(since, rise, hold):
 
 
 @kernel()
-def white(level, lag, period, seed, channel, tick):
-    """Return the noise of one tick that gives a first-order lag an output of rms `level`."""
-    return level * math.sqrt(2.0 * lag / period) * hashed_noise(seed, channel, tick)
-
-
-@kernel()
 def turbulence(state, span):
-    """Return the velocities of turbulent air, in axes along the path, from its eight states.
+    """Return the velocities of turbulent air along the path: q = -dw/dx, r = dv/dx, p = dw/dy.
 
-    A field that drifts past unchanged has d/dx = (1/V) d/dt along the path. Air that sinks
-    the faster the further ahead turns nose down: q = -dw/dx, r = dv/dx, p = dw/dy.
-
-    state: u, lags of v and w, p; then v, w, and what they are over the span, m/s and rad/s, (8,);
-    span: m, the rotor's diameter in place of the wing's span.
+    state: u, lags of v and w, p, then v, w, and both over the span, m/s and rad/s, (8,); span: m.
     """
     v = state[4] + _ROOT_3 * (state[1] - state[4])
     w = state[5] + _ROOT_3 * (state[2] - state[5])
@@ -142,13 +114,9 @@ def turbulence(state, span):
 
 @kernel(forceinline=False)
 def turbulence_rates(state, noise, lags, rate):
-    """Write the derivatives of the eight states.
+    """Write the derivatives of the eight states, (8,).
 
-    Along the path, and in roll, the spectrum is that of one lag; across and down it is that of
-    (1 + sqrt(3) T s) / (1 + T s)^2.
-
-    state: as in `turbulence`, (8,); noise: of this tick, in place of u, v, w and p, (4,); lags: s,
-    of u, v, w (scale length over speed) and p (4 b / (pi V)), (4,); rate: written, (8,).
+    noise: for u, v, w, p, (4,); lags: s, scale length / speed of u, v, w, and 4 b / (pi V), (4,).
     """
     for k in range(4):
         rate[k] = (noise[k] - state[k]) / lags[k]
@@ -162,23 +130,15 @@ def turbulence_rates(state, noise, lags, rate):
 
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
-_DEEPEST = 0.4
-"""Limit of (R / 4d)^2, reached within half a radius of the ground, where no rotor gets."""
-_EXACT = 0.625
-"""Up to this part of the limit, at d = R/2, Cheeseman and Bennett's formula holds exactly."""
-_MOST = 4
-"""Surfaces that count, the nearest of a scene's."""
+_DEEPEST = 0.4  # limit of (R / 4d)^2, reached within half a radius of the ground
+_EXACT = 0.625  # part of the limit, at d = R/2, below which the formula is exact
+_MOST = 4  # surfaces
 _NUMBERS = 2 * _MOST
 
 
 @kernel()
 def nearness(view):
-    """Return (R / 4d)^2 of the ground under a vehicle's hub, kept finite at any distance.
-
-    The ground is every plane and box of the scene that something can touch, but the vehicle's own;
-    without any it is level, at height 0. The nearest counts first; what is farther has what is
-    left of the disc. Nothing lifts from above: a rotor that is turned over feels no ground.
-    """
+    """Return (R / 4d)^2 of the ground under a vehicle's hub, kept finite at any distance."""
     par, matrix = view.par, rotation(view)
     if par[PARAM.ground_effect] == 0.0:
         return 0.0
@@ -255,7 +215,7 @@ def _nearness(par, height, cosine):
 
 @kernel()
 def _insert(near, count, one, share):
-    """Put a surface where it belongs among the nearest, the nearest first; return how many."""
+    """Insert a surface among the nearest, sorted; return how many."""
     k = count
     while k > 0 and near[2 * k - 2] < one:
         if k < _MOST:
@@ -268,10 +228,7 @@ def _insert(near, count, one, share):
 
 @kernel()
 def disc_share(x, y, a, b):
-    """Return how much of a disc of radius 1 around (x, y) lies over a rectangle |x| < a, |y| < b.
-
-    As a share of the disc's area, 0 to 1.
-    """
+    """Return the share of a unit disc around (x, y) that lies over a rectangle |x| < a, |y| < b."""
     right, left, top, bottom = a - x, -a - x, b - y, -b - y
     if right >= 1.0 and left <= -1.0 and top >= 1.0 and bottom <= -1.0:
         return 1.0
@@ -283,7 +240,6 @@ def disc_share(x, y, a, b):
 
 @kernel()
 def _corner(a, b):
-    """Return the area of the unit disc where x < a and y < b."""
     a, b = min(1.0, max(-1.0, a)), min(1.0, max(-1.0, b))
     below = 0.5 * (a * math.sqrt(1.0 - a * a) + math.asin(a))
     beside = 0.5 * (b * math.sqrt(1.0 - b * b) + math.asin(b))
@@ -298,14 +254,7 @@ def _corner(a, b):
 
 @kernel()
 def wash_residual(par, nearness, z):
-    """Return the share of the main rotor's wake that is left at a place above the ground.
-
-    The ground stops it: source and image of Cheeseman and Bennett's, of which the image is the
-    farther by twice the place's height. Between the hub, at d above the ground, and a place at h
-    that is 1 - ((d - h) / (d + h))^2.
-
-    nearness: (R / 4d)^2 of the ground; z: of the place, body axes, m.
-    """
+    """Return the share of the main rotor's wake left at a place above the ground; z: m, body."""
     drop = max(0.0, z - par[PARAM.hub_z])
     below = 4.0 * math.sqrt(nearness) * drop / par[PARAM.main_radius]  # over d
     if below >= 1.0:

@@ -1,17 +1,8 @@
 """The rotor's drive: an ideal governor, or an engine with freewheel and governor.
 
-The ideal one keeps the commanded speed, whatever torque that takes. An engine turns the inertia of
-all that goes round with the main shaft, against the torques of main and tail rotor and friction:
-
-    I dOmega/dt = Q_engine - Q_main - ratio Q_tail - Q_friction
-
-Its states are the rotor's speed over the nominal one, the engine's throttle (0 to 1), which lags,
-and the governor's integral, a throttle too. The rotor's speed is that through the air: what a body
-that yaws at r adds to it is 1/178 at 1 rad/s of a JR700, and is left out.
-
-The freewheel lets go smoothly: below a small torque (`_GRIP`) the engine's hold on the shaft fades
-as a cubic, with the torque and its slope continuous. So nothing is faster than the electric motor's
-own mode, its back-EMF against the inertia, about 17 1/s in a JR700: 3 % of it in a step of 2 ms.
+I dOmega/dt = Q_engine - Q_main - ratio Q_tail - Q_friction, with the rotor's speed through the air
+(the body's yaw rate is neglected). `speed` is the rotor's over the nominal one, `throttle` 0 to 1.
+The freewheel releases smoothly: below a torque of `_GRIP` the engine's torque fades as a cubic.
 """
 
 from collections import namedtuple
@@ -22,40 +13,23 @@ from helisim.physics.layout import PARAM, STATE
 from helisim.physics.memory import commanded_speed
 from helisim.physics.motion import to_shaft
 
-IDEAL, MOTOR = 0.0, 1.0
-"""Values of `PARAM.drive_governor`."""
+IDEAL, MOTOR = 0.0, 1.0  # values of `PARAM.drive_governor`
 
-ELECTRIC, COMBUSTION = 0.0, 1.0
-"""Values of `PARAM.drive_engine`."""
+ELECTRIC, COMBUSTION = 0.0, 1.0  # values of `PARAM.drive_engine`
 
-_CUT = 0.05
-"""Commanded speed, over the nominal one, below which the throttle is shut."""
-_GRIP = 0.01
-"""Share of the torque that gives the rotor its speed within a second; the freewheel grips above."""
-_SLIPPING = 0.02
-"""Speed over the nominal one below which friction fades."""
-_CAUGHT = 0.3
-"""Above this speed a rotor is caught after a cut with the throttle it had; below it starts anew."""
-_FORGETS = 1.0
-"""s, in which the governor forgets that throttle once the rotor stands."""
-_REACH = 0.05
-"""Error of speed, over the nominal one, beyond which the governor doesn't act any harder."""
-_HEADROOM = 0.05
-"""Throttle left, or share of the current's limit, at which the integral begins to be held."""
-_BEHIND = 0.1
-"""Throttle that the engine is yet to take up, at which the integral is held."""
-_LINEAR = 0.9
-"""Share of its limit up to which the current is not limited at all."""
+_CUT = 0.05  # commanded speed, over the nominal one, that shuts the throttle
+_GRIP = 0.01  # share of the torque that gives full speed in a second; the freewheel grips above
+_SLIPPING = 0.02  # speed over the nominal one below which friction fades
+_CAUGHT = 0.3  # speed above which a rotor is caught with its old throttle
+_FORGETS = 1.0  # s, in which the governor forgets that throttle at a standstill
+_REACH = 0.05  # error of speed beyond which the governor acts no harder
+_HEADROOM = 0.05  # throttle, or share of the current's limit, at which the integral is held
+_BEHIND = 0.1  # throttle that the engine is yet to take up, at which the integral is held
+_LINEAR = 0.9  # share of its limit up to which the current is not limited at all
 
 
 Drive = namedtuple("Drive", "speed_rate engine_rate governor_rate mast power")
-"""Rates, torque and power of the drive.
-
-speed_rate: of the rotor's speed over the nominal one, 1/s; engine_rate: of the engine's
-throttle, 1/s; governor_rate: of the governor's integral, 1/s; mast: torque that turns the main
-rotor, N m; the body feels its reaction; power: that reaches the two shafts and what turns with
-them, W; a shaft turns against the body.
-"""
+"""speed_rate, engine_rate, governor_rate: 1/s; mast: torque on the main rotor, N m; power: W."""
 
 
 @kernel()
@@ -90,18 +64,7 @@ def drive(view, flow, step):
 
 @kernel()
 def governing(par, commanded, collective, speed, throttle, integral):
-    """Return the rates of the engine's throttle and of the governor's integral, 1/s.
-
-    Proportional and integral in the error of speed, and in the collective, whose torque it meets
-    before the speed has fallen. The integral grows no faster than from nothing to full throttle in
-    the time of a spool-up, which makes that from rest. It is held where throttle or current can't
-    grow, where the engine is behind, and where the freewheel has let go. While the throttle is cut
-    it is kept as long as the rotor turns, for the engine to catch it again (bail-out), which takes
-    the throttle up at a rate of its own.
-
-    commanded: speed over the nominal one; near 0 the throttle is cut; collective: unitised; speed:
-    of the rotor, over the nominal one; throttle: of the engine, 0 to 1; integral: the governor's.
-    """
+    """Return the rates of throttle and integral, 1/s; `commanded` near 0 cuts the throttle."""
     wanted, growth = 0.0, 0.0
     if commanded < _CUT:
         growth = -integral / _FORGETS * max(0.0, 1.0 - speed / _CAUGHT)
@@ -118,11 +81,7 @@ def governing(par, commanded, collective, speed, throttle, integral):
 
 @kernel()
 def growth_share(par, raw, throttle, speed, error):
-    """Return the share, 0 to 1, of its growth that the governor's integral is let to have.
-
-    raw: throttle that the governor asks for, unlimited; throttle: of the engine; speed: of the
-    rotor, over the nominal one; error: speed that is missing.
-    """
+    """Return the share, 0 to 1, of the integral's growth allowed; raw: the unlimited throttle."""
     if error < 0.0:
         held = engine_torque(par, throttle, speed) / grip(par)
         return min(1.0, max(0.0, min(raw / _HEADROOM, held)))
@@ -135,12 +94,7 @@ def growth_share(par, raw, throttle, speed, error):
 
 @kernel()
 def motor_current(par, throttle, speed):
-    """Return the current that an electric motor would take, A: negative where it would brake.
-
-    The throttle's share of the battery's voltage, less the back-EMF, over all resistance.
-
-    throttle: 0 to 1; speed: of the rotor, over the nominal one.
-    """
+    """Return the current of an electric motor, A: negative where it would brake."""
     turning = speed * par[PARAM.main_speed] * par[PARAM.drive_gear]
     emf = turning / par[PARAM.drive_speed_constant]
     return (throttle * par[PARAM.drive_voltage] - emf) / par[PARAM.drive_resistance]
@@ -148,14 +102,7 @@ def motor_current(par, throttle, speed):
 
 @kernel()
 def engine_torque(par, throttle, speed):
-    """Return the torque at the main shaft that the engine would turn it with, N m.
-
-    Negative where it would brake it. Electric: proportional to the current beyond that of no load.
-    Combustion: of a spark-ignition engine, whose power is P (x + x^2 - x^3) at x of the speed of
-    its greatest, P (Jazar, Vehicle Dynamics, section 4.1), times the throttle.
-
-    throttle: 0 to 1; speed: of the rotor, over the nominal one.
-    """
+    """Return the engine's torque at the main shaft, N m."""
     gear = par[PARAM.drive_gear]
     if par[PARAM.drive_engine] == ELECTRIC:
         wanted = motor_current(par, throttle, speed)
@@ -168,10 +115,7 @@ def engine_torque(par, throttle, speed):
 
 @kernel()
 def shaft_torque(par, throttle, speed):
-    """Return the torque that reaches the main shaft through the freewheel, N m: never negative.
-
-    throttle: 0 to 1; speed: of the rotor, over the nominal one.
-    """
+    """Return the torque that reaches the main shaft through the freewheel, N m: never negative."""
     torque, whole = engine_torque(par, throttle, speed), grip(par)
     if torque >= whole:
         return torque
@@ -193,13 +137,7 @@ def friction(par, speed):
 
 
 def throttle_for(par, torque):
-    """Return the throttle at which the engine holds the nominal speed against a torque.
-
-    torque: at the main shaft, of both rotors, N m.
-
-    Returns:
-        0 to 1; more than 1 where the engine is too weak.
-    """
+    """Return the throttle that holds nominal speed against a torque, N m; above 1: too weak."""
     low, high = 0.0, 2.0
     wanted = torque + friction(par, 1.0)
     while (middle := 0.5 * (low + high)) not in (low, high):

@@ -1,8 +1,8 @@
-"""The flow of the air past a vehicle, what its rotors do in it, and the loads of both.
+"""The air's flow past a vehicle, and the loads of its rotors and airframe.
 
-The main rotor's wake falls below it in hover, and a tail stands beside it; with speed it is blown
-back over the tail, and at high speed the tail flies in the downwash behind the disc as behind a
-wing. Fin and tailplane are small flat surfaces that lift, stall, and stand against any flow.
+Common arguments: `motion`, the body's velocities through the air; `speed`, of the rotor over the
+nominal one; `nearness`, (R / 4d)^2 of the ground; `wash`, the wake's velocity there, m/s downwards;
+`a` and `b`, rearward and right tilt, rad; `mast`, torque on the main rotor, N m.
 """
 
 import math
@@ -24,20 +24,12 @@ from helisim.physics.rotor import (
 )
 
 Wash = namedtuple("Wash", "fuselage tail tailplane")
-"""Velocities of the main rotor's wake, m/s downwards.
-
-fuselage: at the fuselage; tail: at tail rotor and fin; tailplane: at the tailplane.
-"""
+"""Velocities of the main rotor's wake, m/s downwards; `tail` is at tail rotor and fin."""
 
 
 @kernel()
 def wash(par, motion, main, speed=1.0, nearness=0.0):
-    """Return the `Wash` of a main rotor.
-
-    main: what the main rotor does, a `MainRotor`; speed: rotor speed over the nominal one; the wake
-    of one that stops fades with its forces; nearness: (R / 4z)^2 of the ground, which stops the
-    wake; 0 far from it.
-    """
+    """Return the `Wash` of a `MainRotor`; it fades with rotor speed and near the ground."""
     _, turns = turning(speed)
     induced = main.induced * main.tip_speed
     through = induced - motion.w + motion.q * par[PARAM.hub_x]
@@ -63,9 +55,7 @@ def wash(par, motion, main, speed=1.0, nearness=0.0):
 def wash_share(par, first, cosine, behind):
     """Return the downwash at a place over the induced velocity at the disc.
 
-    first: where the place's `WASH` start; cosine: of the skew angle: 1 in hover, 0 where the wake
-    leaves along the disc, -1 where it rises; behind: squared sine of the skew angle, of its part
-    that blows back.
+    cosine: of the skew angle, 1 in hover, -1 where the wake rises; behind: its sine squared.
     """
     polynomial = 0.0
     for k in range(WASH - 1, 1, -1):
@@ -75,13 +65,7 @@ def wash_share(par, first, cosine, behind):
 
 
 Flow = namedtuple("Flow", "motion hub speed main tail wash air nearness")
-"""The flow past a vehicle, and what its rotors do in it.
-
-motion: velocities of the body through the air; hub: the same in shaft axes; speed: rotor speed
-over the nominal one; main: what the main rotor does; tail: what the tail rotor does; wash: the
-main rotor's wake at fuselage and tail; air: velocities of the air itself; nearness: (R / 4d)^2
-of the ground.
-"""
+"""The flow past a vehicle; hub: `motion` in shaft axes; air: velocities of the air itself."""
 
 
 @kernel()
@@ -95,12 +79,7 @@ def flow(view, ahead):
 
 @kernel(forceinline=False)
 def flow_in(view, motion, moving, speed, nearness, mean, ahead):
-    """Return the `Flow` past a vehicle in an induced velocity.
-
-    moving: those of the air itself; speed: rotor speed over the nominal one; nearness: (R / 4d)^2
-    of the ground; mean: induced velocity of dynamic inflow, m/s; without one it is found; ahead: s,
-    at which the blades' pitch is taken.
-    """
+    """Return the `Flow`; moving: the air's velocities; mean: induced velocity, m/s; ahead: s."""
     hub = to_shaft(view.par, motion)
     main = main_rotor_in(view, hub, speed, nearness, mean, ahead)
     pedal = position_ahead(view, STATE.tail_position, ahead)
@@ -131,13 +110,7 @@ def flow_later(view, past, mean, ahead):
 
 @kernel()
 def fuselage(par, motion, wash):
-    """Return the wrench of the fuselage.
-
-    Its moments are those of a long body in potential flow, which would turn across the flow
-    (Munk, NACA TR 184): proportional to the product of the speeds along it and across it.
-
-    wash: velocity of the main rotor's wake there, m/s downwards.
-    """
+    """Return the wrench of the fuselage, with the moments of a long body (Munk, NACA TR 184)."""
     u, v, w = motion.u, motion.v, motion.w - wash
     x, z = par[PARAM.drag_centre_x], par[PARAM.drag_centre_z]
     half = 0.5 * par[PARAM.air_density]
@@ -155,23 +128,15 @@ def fuselage(par, motion, wash):
     )
 
 
-_STILL = 1e-60
-"""(m/s)^2, below which its own square is lost."""
+_STILL = 1e-60  # (m/s)^2: its square is lost below
 
 
 @kernel()
 def normal_force(density, area, slope, greatest, square, normal):
-    """Return the force on a flat surface along its normal, N, against the flow through it.
+    """Return the force on a flat surface along its normal, N, against the flow, with induced drag.
 
-    The coefficient is the lift slope times the sine of the angle to the flow up to where the
-    surface stalls; from there to the flow at right angles, 90 degrees, it stays at the greatest,
-    as of low and flat plates (Hoerner, Fluid-Dynamic Drag, chapter 3: 1.17 at right angles). A thin
-    plate has no suction at its edge, so the whole force stands on its normal; leaned back, it is
-    the induced drag too, and takes energy from every motion through the air.
-
-    density: of the air, kg/m^3; area: m^2; slope: lift slope, 1/rad; greatest: greatest
-    coefficient; square: of the airspeed, (m/s)^2; normal: component of the surface's velocity
-    through the air along its normal, m/s.
+    Lift slope times sine of incidence, at most `greatest` (Hoerner, Fluid-Dynamic Drag, ch. 3).
+    slope: 1/rad; square: airspeed squared; normal: the surface's velocity along its normal, m/s.
     """
     if square < _STILL:
         return 0.0
@@ -182,10 +147,7 @@ def normal_force(density, area, slope, greatest, square, normal):
 
 @kernel()
 def fin(par, motion, wash):
-    """Return the wrench of the vertical fin.
-
-    wash: velocity of the main rotor's wake there, m/s downwards.
-    """
+    """Return the wrench of the vertical fin."""
     x, z = par[PARAM.fin_x], par[PARAM.fin_z]
     u = motion.u + motion.q * z
     v = motion.v + motion.r * x - motion.p * z
@@ -205,10 +167,7 @@ def fin(par, motion, wash):
 
 @kernel()
 def tailplane(par, motion, wash):
-    """Return the wrench of the horizontal tailplane.
-
-    wash: velocity of the main rotor's wake there, m/s downwards.
-    """
+    """Return the wrench of the horizontal tailplane."""
     if par[PARAM.tailplane_area] == 0.0:
         return Wrench(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     x, z = par[PARAM.tailplane_x], par[PARAM.tailplane_z]
@@ -230,11 +189,7 @@ def tailplane(par, motion, wash):
 
 @kernel()
 def wrench(par, a, b, flow, mast):
-    """Return the aerodynamic force and moment at the body's origin, a `Wrench`.
-
-    a: rearward tilt, rad; b: right tilt, rad; flow: the `Flow` past it; mast: torque that turns the
-    main rotor, N m.
-    """
+    """Return the aerodynamic force and moment at the body's origin, a `Wrench`."""
     hub = from_shaft(par, hub_wrench(par, a, b, flow.main, flow.speed, mast))
     tail, rest = tail_wrench(par, flow.tail), airframe(par, flow)
     return Wrench(
@@ -265,12 +220,7 @@ def airframe(par, flow):
 
 @kernel()
 def heat(par, flow):
-    """Return the power that is lost to the air, W.
-
-    Of both rotors what they induce and their blades' drag, and what fuselage and surfaces take from
-    the vehicle's motion, a fin in the tail rotor's slipstream too. What those and the tail rotor
-    take from the main rotor's wake was lost before.
-    """
+    """Return the power that is lost to the air, W."""
     drag, moving, tail = airframe(par, flow), flow.motion, flow.tail
     work = drag.fx * moving.u + drag.fy * moving.v + drag.fz * moving.w
     work += drag.mx * moving.p + drag.my * moving.q + drag.mz * moving.r
@@ -283,13 +233,7 @@ def heat(par, flow):
 def hub_wrench(par, a, b, main, speed, mast):
     """Return the wrench of the main rotor's hub, shaft axes: thrust, springs and torque.
 
-    Thrust stands on the tip-path plane, the blades' drag in the hub's. Half of the air's torque
-    tilts with the tips: the drag of blades that flap acts across them, level with the hub
-    (Padfield, Helicopter Flight Dynamics, chapter 3, of the hub's moments). A head whose springs
-    lag in phase has a moment across the tilt too, against it.
-
-    a: rearward tilt, rad; b: right tilt, rad; main: what the main rotor does, a `MainRotor`; speed:
-    rotor speed over the nominal one; mast: torque that turns the rotor, N m.
+    Thrust is normal to the tips' plane; half of the air's torque tilts with it (Padfield, ch. 3).
     """
     x, y, z = normal(par, (a, b))
     back, right = x / z, -y / z

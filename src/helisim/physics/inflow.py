@@ -1,25 +1,12 @@
 """Induced velocity of a rotor: momentum balance through the vortex ring, and dynamic inflow.
 
-Velocities are ratios to the tip speed, positive when air passes the disc against the thrust, as
-in a climb; CT = T / (rho A (Omega R)^2).
-
-Momentum theory, T = 2 rho A v V with V the air's speed through the disc, holds in hover, in climb,
-in forward flight and, from a descent of twice the hover's induced velocity on, in the windmill
-state. Between, where V would be that of a wake that can't leave, it has three roots or
-none that is measured. There V is taken from tests instead, as a function of v and of the flow past
-the rotor, so that the balance keeps its form. It then rises with v everywhere: blade elements,
-whose thrust falls with v, meet it once.
-
-Dynamic inflow is Pitt and Peters', Theoretical prediction of dynamic-inflow derivatives (Vertica 5,
-1981), in the nonlinear form of Peters and HaQuang, Dynamic inflow for practical applications
-(J. AHS 33, 1988). The induced velocity has a mean and a slope across the disc,
+Velocities are over the tip speed, positive when air passes the disc against the thrust (climb);
+CT = T / (rho A (Omega R)^2); `induced` is v, `climb` V_c, `advance` mu. Thrust is 2 rho A v V, V
+measured in the vortex ring. Dynamic inflow is Pitt and Peters' (Vertica 5, 1981) in the nonlinear
+form of Peters and HaQuang (J. AHS 33, 1988), with velocities in m/s:
 
     v(x, y) = v_0 + (v_s y - v_c x) / R    (x ahead, y to the right, v downwards),
-
-and M dv/dt + V L^-1 v = loads: those of thrust and of the aerodynamic moments on the hub, with M
-the apparent mass of the air and L the wake's influence at its angle of skew. Where it rests, the
-mean is the momentum balance. Its states are velocities, not ratios: rotor speed may change, and
-the air knows nothing of it.
+    M dv/dt + V L^-1 v = loads             (thrust, aerodynamic hub moments).
 """
 
 import math
@@ -27,18 +14,13 @@ from collections import namedtuple
 
 from helisim.physics.kernel import kernel
 
-_LAST_STEP = 1e-8
-"""Newton converges quadratically: after a step this small the error is near rounding."""
+_LAST_STEP = 1e-8  # Newton's error is near rounding after it
 _MAX_ITERATIONS = 60
-_STALL_CORE = 0.7
-"""Below this fraction of the stall limit the blades are untouched by it."""
+_STALL_CORE = 0.7  # part of the stall limit that it leaves free
 
 
 def _measured(x: float) -> tuple[float, float, float]:
-    """Return v and v V at a descent of 1, and the slope between them, at x = V_c / v_h.
-
-    Leishman's fit of measured v / v_h (Principles of Helicopter Aerodynamics, chapter 2).
-    """
+    """Return v, v V and slope at a descent of 1, x = V_c / v_h (Leishman, Principles, ch. 2)."""
     ratio = 1.0 - 1.125 * x - 1.372 * x**2 - 1.718 * x**3 - 0.655 * x**4
     slope = -1.125 - 2.744 * x - 5.154 * x**2 - 2.62 * x**3
     return -ratio / x, 1.0 / x**2, -2.0 / (x * (ratio - x * slope))
@@ -49,10 +31,7 @@ _WINDMILL = (0.5, 0.25, 0.0)
 _FAST = _measured(-1.75)
 _SLOW = _measured(-1.25)
 _HOVER = (4.0, 12.0, 7.0)
-"""The same on the branch of the hover, v (v - 1), at a descent of 0.29 v_h.
-
-Johnson (NASA TP-2005-213477) has the vortex ring begin at 0.2 v_h.
-"""
+"""The same for hover's v (v - 1) at a descent of 0.29 v_h; ring from 0.2 (NASA TP-2005-213477)."""
 
 
 @kernel()
@@ -69,7 +48,6 @@ def soft_limit(x, limit, core):
 
 @kernel()
 def _cubic(x, start, end):
-    """Return the cubic through two knots (x, y, slope), and its derivative."""
     width = end[0] - start[0]
     t = (x - start[0]) / width
     mean = (end[1] - start[1]) / width
@@ -81,11 +59,7 @@ def _cubic(x, start, end):
 
 @kernel()
 def ring_thrust(induced):
-    """Return v V in the vortex ring at a descent of 1 without edgewise flow, and its slope by v.
-
-    Leishman's fit where the ring is fully formed; from there to momentum theory on either side
-    with its value and slope, which the fit itself doesn't meet (in hover it is twice as steep).
-    """
+    """Return v V in the vortex ring at a descent of 1, no edgewise flow, and its slope by v."""
     if induced < _FAST[0]:
         return _cubic(induced, _WINDMILL, _FAST)
     if induced < _SLOW[0]:
@@ -95,10 +69,7 @@ def ring_thrust(induced):
 
 @kernel()
 def mass_flow(induced, climb, advance):
-    """Return V, the ratio of the air's speed through the disc, and its slope by v.
-
-    induced: v; climb: V_c; advance: mu.
-    """
+    """Return V, the ratio of the air's speed through the disc, and its slope by v."""
     square, half_slope = flow_square(induced, climb, advance)
     flow = math.sqrt(square)
     if flow == 0.0:
@@ -108,13 +79,9 @@ def mass_flow(induced, climb, advance):
 
 @kernel()
 def flow_square(induced, climb, advance):
-    """Return V^2 and half of its slope by v.
+    """Return V^2 and half of its slope by v: Glauert's mu^2 + (V_c + v)^2, or the vortex ring's.
 
-    Thrust is 2 v V. Glauert's sqrt(mu^2 + (V_c + v)^2) but in the vortex ring, where the axial
-    part is measured. Edgewise flow as fast as v has blown the ring away: Johnson (NASA
-    TP-2005-213477) has it gone at 0.95 v_h, where v is about v_h.
-
-    induced: v; climb: V_c; advance: mu.
+    Edgewise flow as fast as v ends the ring (Johnson, NASA TP-2005-213477: 0.95 v_h).
     """
     through = climb + induced
     square, half_slope = advance**2 + through**2, through
@@ -135,13 +102,9 @@ def flow_square(induced, climb, advance):
 
 @kernel()
 def ground_share(nearness, induced, advance):
-    """Return the share of thrust that drives the inflow near the ground, and its derivative.
+    """Return the share of thrust that drives the inflow near the ground, and its slope by v.
 
-    Cheeseman and Bennett (R&M 3021): at one induced power the thrust is T_inf / k with
-    k = 1 - (R / 4z)^2 / (1 + (mu / lambda_i)^2). Momentum theory has T lambda_i and
-    lambda_i^2 proportional to share x T, so the share is k^3.
-
-    nearness: (R / 4z)^2; induced: lambda_i; advance: mu.
+    k^3, k = 1 - (R / 4z)^2 / (1 + (mu / lambda_i)^2) (Cheeseman and Bennett, R&M 3021).
     """
     square = induced**2 + advance**2
     if nearness == 0.0 or square == 0.0:
@@ -160,12 +123,7 @@ def carried(free, slope, limit, induced):
 def balance(free, slope, limit, climb, advance, nearness):
     """Return v where blade elements and momentum meet, and the CT of both.
 
-    2 v V = CT, near the ground a share of it, and CT = slope (free - v) up to the stall. Newton's
-    method between 0 and `free`, to rounding. Turned upside down all signs change, to the bit.
-
-    free: v at which the blades carry nothing; slope: of the blades' CT, by v; limit: greatest |CT|
-    that the blades carry; climb: along the thrust; advance: mu; nearness: (R / 4z)^2 of the ground,
-    0 far from it.
+    Solves 2 v V = CT = slope (free - v), |CT| up to `limit`; nearness: (R / 4z)^2 of the ground.
     """
     if free == 0.0:
         return 0.0, 0.0
@@ -203,35 +161,22 @@ def balance(free, slope, limit, climb, advance, nearness):
     return up * induced, up * thrust
 
 
-MEAN_MASS = 8.0 / (3.0 * math.pi)
-"""Apparent mass of the air over rho pi R^3: an impermeable disc's, as the untwisted blades of
-Carpenter and Fridovich have it (NACA TN 3044, 1953). Pitt and Peters' corrected 128 / (75 pi) is
-36 % less."""
-SLOPE_MASS = 16.0 / (45.0 * math.pi)
-"""Apparent inertia of the air under rolling and pitching moments, over rho pi R^4."""
-_SKEW = 15.0 * math.pi / 64.0
-"""Coupling: mean load slopes the inflow of a skewed wake, and a slope of load changes its mean."""
-_LEAST = 0.5
-"""V_m is at least so much of V_T: at the edges of the vortex ring momentum theory would have 0,
-where nothing carries a moment's air away."""
+MEAN_MASS = 8.0 / (3.0 * math.pi)  # over rho pi R^3 (NACA TN 3044); Pitt and Peters: 36 % less
+SLOPE_MASS = 16.0 / (45.0 * math.pi)  # inertia under rolling and pitching, over rho pi R^4
+_SKEW = 15.0 * math.pi / 64.0  # coupling of mean load and wake slope in a skewed wake
+_LEAST = 0.5  # least V_m over V_T, else 0 in the vortex ring
 
 
 Wake = namedtuple("Wake", "flow slope_flow skew_x skew_y")
-"""The air that leaves a rotor, over the tip speed.
-
-flow: V_T of Peters and HaQuang; slope_flow: V_m of theirs; skew_x: tan(chi / 2) times the
-cosine of the hub's way through the air; skew_y: the same times the sine, positive to the right.
-"""
+"""V_T and V_m of Peters and HaQuang over the tip speed; skew: tan(chi / 2), ahead and right."""
 
 
 @kernel()
 def inflow_rates(mean, right, aft, thrust, roll, pitch, wake, speed, radius):
-    """Return the derivatives of mean, right and aft induced velocity, m/s^2.
+    """Return the derivatives of v_0, v_s and v_c (mean, right, aft), m/s^2.
 
-    mean: v_0, m/s; right: v_s, by which more air goes down at the right tip, m/s; aft: v_c,
-    likewise at the rear tip, m/s; thrust: T / (rho pi R^2), m^2/s^2; roll: L / (rho pi R^3),
-    m^2/s^2, of the aerodynamic moment, right side down; pitch: M / (rho pi R^3), likewise, nose up;
-    wake: the `Wake`; speed: of the tips, m/s; radius: m.
+    thrust: T / (rho pi R^2), m^2/s^2; roll, pitch: hub moment of the air / (rho pi R^3), m^2/s^2,
+    right side down, nose up; speed: of the tips, m/s.
     """
     skew_x, skew_y = wake.skew_x, wake.skew_y
     flow, slope_flow = speed * wake.flow, speed * wake.slope_flow
@@ -249,11 +194,7 @@ def inflow_rates(mean, right, aft, thrust, roll, pitch, wake, speed, radius):
 
 @kernel()
 def wake(induced, climb, edgewise, ahead, right):
-    """Return the `Wake` of a rotor; all velocities are over the tip speed.
-
-    induced: mean induced velocity; climb: of the hub through the air, against its thrust; edgewise:
-    the hub's velocity across the thrust; ahead: velocity that skews the wake; right: likewise.
-    """
+    """Return the `Wake` of a rotor; ahead, right: velocities that skew it, over the tip speed."""
     flow, slope = mass_flow(induced, climb, edgewise)
     if flow == 0.0:
         return Wake(0.0, 0.0, 0.0, 0.0)

@@ -1,7 +1,4 @@
-"""Compilation of the force laws: functions, layouts, and the memory that their pointers reach.
-
-From Python a kernel is what it looks like, a function, and a layout a named tuple of whole numbers.
-"""
+"""Compilation of the force laws: functions, layouts, and the memory that their pointers reach."""
 
 import gc
 import hashlib
@@ -30,7 +27,7 @@ from numba.extending import (
     typeof_impl,
 )
 
-_IDLE = {
+_IDLE = {  # needless in kernels
     untyped_passes.WithLifting,
     untyped_passes.InlineClosureLikes,
     untyped_passes.RewriteSemanticConstants,
@@ -47,16 +44,9 @@ _IDLE = {
     typed_passes.IRLegalization,
     typed_passes.DumpParforDiagnostics,
 }
-"""Passes of numba with nothing to do in a kernel, which has no closures, arrays or constants."""
 
 
 class _Part(JITCodeLibrary):
-    """The code of one kernel, which is optimised and made machine code within its callers only.
-
-    numba optimises and assembles each function together with all that it calls, as if Python called
-    it; for kernels, two hundred of them nested eight deep, that was half of the time to compile.
-    """
-
     def finalize(self) -> None:
         self._finalized = True
 
@@ -68,7 +58,6 @@ class _Part(JITCodeLibrary):
                 manager.run(function, builder)
 
     def _parts(self) -> dict[Any, None]:
-        """Return all libraries that this one calls, and those that they call."""
         found: dict[Any, None] = {}
         pending = list(self._linking_libraries)
         while pending:
@@ -89,8 +78,6 @@ class _Part(JITCodeLibrary):
 
 
 class _Whole(_Part):
-    """The code of a callback: all kernels that it calls, optimised once."""
-
     def finalize(self) -> None:
         self._link(self._final_module)
         self._linking_libraries.clear()
@@ -145,11 +132,7 @@ kernel = partial(
 
 
 def fingerprint() -> int:
-    """Return a number that changes with the sources of the physics and with the libraries.
-
-    numba's cache on disk knows a function by its own file only; this number is part of
-    what it is cached by, so neither an edited force law nor another MuJoCo meets stale code.
-    """
+    """Return a number of the physics' sources and libraries, part of the key of numba's cache."""
     digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__}".encode())
     for source in sorted(files("helisim.physics").iterdir(), key=lambda file: file.name):
         if source.name.endswith(".py"):
@@ -158,11 +141,7 @@ def fingerprint() -> int:
 
 
 def compiled_or_cached(compiled: Callable[[bool], Any]) -> Any:
-    """Return what a function compiles when told whether to cache it on disk, beside its source.
-
-    Where neither that nor the user's cache folder can be written, it is compiled without. Python's
-    garbage collector, a tenth of the time to compile, rests meanwhile.
-    """
+    """Return what a function compiles when told whether to cache it on disk, beside its source."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -180,13 +159,7 @@ Numbers = TypeVar("Numbers", bound=tuple[int, ...])
 
 
 class Known(types.Dummy):
-    """The type of one layout, a named tuple of whole numbers that compiled code knows.
-
-    PARAM.tau_f is a literal there, not a lookup. To numba a named tuple is a value with as many
-    members as it has names, which every use writes out and every call hands on: half of the time
-    that the force laws took to compile. Here the numbers are part of the type, and the value is
-    nothing.
-    """
+    """The type of one layout, a named tuple of whole numbers that compiled code knows."""
 
     def __init__(self, numbers: Any) -> None:
         self.numbers = numbers
@@ -244,10 +217,7 @@ longs_at = _pointer_intrinsic(types.int64)
 
 
 def address_of(symbol: str, address: int):
-    """Return a function for kernels that returns an address of this process, under a name.
-
-    It is looked up when code is loaded, so that code can be kept on disk.
-    """
+    """Return a function for kernels that returns an address of this process, under a name."""
     llvmlite.binding.add_symbol(symbol, address)
 
     @intrinsic

@@ -1,9 +1,7 @@
 """Places of a vehicle's numbers inside MuJoCo's arrays: parameters, states, controls, sensors.
 
-A vehicle is nine consecutive actuators: four sticks, four servos and the rotor. The first two user
-numbers of each say that it is helisim's and which of the nine it is; the rotor's user numbers are
-the vehicle's parameters, by `PARAM`, the third a number of the order of all these itself. Each
-index tuple names the numbers of one array, from the vehicle's first on.
+A vehicle is nine consecutive actuators: four sticks, four servos and the rotor, whose user numbers
+are the parameters (`PARAM`). Indices count from the vehicle's first number in each array.
 """
 
 import zlib
@@ -20,8 +18,7 @@ ParamIndex = namedtuple(
     "main_dynamic_inflow "
     # the hub in shaft axes, which lean forward by an angle of this cosine and sine
     "hub_x hub_z shaft_cosine shaft_sine hub_stiffness hub_cross "
-    # flapping of the tip-path plane: the air's hold on it over inertia and density, how much inflow
-    # that follows reduces that, nu^2 - 1, springs at full speed in 1/s, tilt by the swashplate
+    # tip-path plane: air's hold over inertia and density, Lock reduction, nu^2 - 1, springs (1/s)
     "flap_hold flap_reduction flap_stiffness spring_aa spring_ab spring_ba cyclic_a_lat "
     "cyclic_a_lon cyclic_b_lat cyclic_b_lon flap_back flap_stop "
     # tail rotor
@@ -73,18 +70,17 @@ ParamIndex = namedtuple(
     "turbulence_on turbulence_seed turbulence_cosine turbulence_sine turbulence_span "
     "turbulence_u turbulence_v turbulence_w turbulence_p turbulence_lag_u turbulence_lag_v "
     "turbulence_lag_w turbulence_lag_p "
-    # faults: 1 where there are any; then all that follow count
+    # faults: 1 where there are any; then all that follow count, up to `tail_fault_high`; the rest,
+    # like `STATE.read_p` to `read_r`, keeps its place, as a model's digest is of all
     "faults front_fault_at front_fault_rate_limit front_fault_low front_fault_high left_fault_at "
     "left_fault_rate_limit left_fault_low left_fault_high right_fault_at right_fault_rate_limit "
     "right_fault_low right_fault_high tail_fault_at tail_fault_rate_limit tail_fault_low "
     "tail_fault_high restart_at restart_until restart_neutral dropout_at dropout_until dropout_p "
     "dropout_q dropout_r",
 )
-PARAM = known(ParamIndex)(*range(len(ParamIndex._fields)))
-"""Parameters, SI: the rotor actuator's user numbers."""
+PARAM = known(ParamIndex)(*range(len(ParamIndex._fields)))  # the rotor's user numbers, SI
 
-WASH = 8
-"""Numbers of the wash at one place: of hover and descent, then by powers of the skew's cosine."""
+WASH = 8  # numbers of hover and descent, then by powers of the skew's cosine
 NO_LAW = 0
 SHIPPED_LAW = 1
 """Values of `PARAM.swash_law` and `PARAM.tail_law`; from 2 on, a row of the laws' table."""
@@ -93,18 +89,12 @@ DOUBLET = 2
 HISTORY = 3
 """Values of `PARAM.excitation`; 0 is no excitation, and `HISTORY` is what `INJECTION` holds."""
 HANDS_OFF_ROTOR = 2
-"""Value of `PARAM.pilot_on` for a pilot who leaves the rotor's control to the caller; 1 is one who
-keeps it at its nominal speed."""
-READS_ZERO = 1
-READS_HELD = 2
-"""Values of `PARAM.dropout_p` and the like: how a rate that dropped out reads; 0 is as ever."""
-NEVER = 1e9
-"""s, of a fault that does not come; also a limit that none reaches."""
+"""Value of `PARAM.pilot_on` for a pilot who leaves the rotor's control; 1 keeps nominal speed."""
+NEVER = 1e9  # s, of a fault that does not come; also a limit that none reaches
 
-MAGIC = 48756173.0
-"""First user number of every actuator of a helisim vehicle; any other model is left alone."""
+MAGIC = 48756173.0  # first user number of every actuator of a helisim vehicle
 
-ACTUATORS = (
+ACTUATORS = (  # consecutive
     "COL",
     "LON",
     "LAT",
@@ -115,7 +105,6 @@ ACTUATORS = (
     "servo_tail",
     "rotor",
 )
-"""The vehicle's actuators, consecutive and in this order."""
 
 ControlIndex = namedtuple(
     "ControlIndex",
@@ -123,10 +112,9 @@ ControlIndex = namedtuple(
 )
 CONTROL = known(ControlIndex)(*range(len(ControlIndex._fields)))
 """Controls, one an actuator: sticks, servo commands (unitised), rotor speed."""
-ROTOR = CONTROL.rotor
-"""Ordinal of the rotor among the vehicle's actuators."""
+ROTOR = CONTROL.rotor  # its ordinal among actuators
 
-SENSORS = {
+SENSORS = {  # needed, in this order, and their sizes
     "imu_gyro": 3,
     "imu_accelerometer": 3,
     "imu_velocity": 3,
@@ -143,11 +131,6 @@ SENSORS = {
     "contact": 3,
     "clock": 1,
 }
-"""The sensors that a vehicle needs, consecutive and in this order, and the numbers of each.
-
-The first six and the last are MuJoCo's own; those between are user sensors that the callbacks
-fill.
-"""
 
 SensorIndex = namedtuple(
     "SensorIndex",
@@ -174,8 +157,7 @@ SensorIndex = namedtuple(
     # s, of the start of the step
     "clock",
 )
-SENSOR = known(SensorIndex)(*range(len(SensorIndex._fields)))
-"""Numbers of a vehicle's `SENSORS`, from the first of the IMU's."""
+SENSOR = known(SensorIndex)(*range(len(SensorIndex._fields)))  # from the IMU's first
 
 InjectionIndex = namedtuple(
     "InjectionIndex",
@@ -190,8 +172,7 @@ InjectionIndex = namedtuple(
     # to the attitude that a law sees, rad
     "angle_phi angle_theta angle_psi",
 )
-INJECTION = known(InjectionIndex)(*range(len(InjectionIndex._fields)))
-"""Numbers of `mjData.userdata` from its first on: what a manoeuvre adds in a time step."""
+INJECTION = known(InjectionIndex)(*range(len(InjectionIndex._fields)))  # of `mjData.userdata`
 
 StateIndex = namedtuple(
     "StateIndex",
@@ -201,36 +182,27 @@ StateIndex = namedtuple(
     "inflow_0 inflow_s inflow_c "
     # rotor speed over the nominal one; what drives it
     "speed engine governor air_u air_v_lag air_w_lag air_p air_v air_w air_q_lag air_r_lag "
-    # what the accelerometer feels in this time step, and felt in the one before the laws' last
-    # tick, m/s^2, body axes (FRD)
+    # specific force in this step, and in the one before the laws' last tick, m/s^2, FRD
     "feels_x feels_y feels_z felt_x felt_y felt_z "
-    # what the gyro read at its last tick, rad/s
+    # of no use any more
     "read_p read_q read_r "
     # derivatives of the rotor's states, from `flap_a` to `governor`, found with the forces
     "flap_a_rate flap_b_rate inflow_0_rate inflow_s_rate inflow_c_rate speed_rate engine_rate "
     "governor_rate "
-    # one more than the number of the tick at which the laws last acted, and a half more at their
-    # first; 0 before they have, -1 where one failed
+    # 1 + number of the laws' last tick, a half more at their first; 0 before, -1 after a failure
     "law_tick gyro_q_filter gyro_q_integral gyro_q_derivative gyro_p_filter gyro_p_integral "
     "gyro_p_derivative gyro_r_lead gyro_r_integral",
 )
 STATE = known(StateIndex)(*range(len(StateIndex._fields)))
-"""Activations of a vehicle, from the address of its first one.
-
-From `feels_x` on they are not integrated: the callbacks write them, most at the gyro's ticks. The
-last are the states of the control laws, here those of the shipped gyro; behind them as many again
-are the same states before the last tick.
-"""
+"""The activations; from `feels_x` the callbacks', last the law states, then their old copies."""
 FIRST_LAW_STATE = STATE.law_tick + 1
 SWASH_STATES = STATE.gyro_r_lead - FIRST_LAW_STATE
 TAIL_STATES = len(STATE) - STATE.gyro_r_lead
 """States of the shipped gyro's two laws: for the swashplate, for the tail."""
 
 
-WITHOUT_LAWS = FIRST_LAW_STATE - STATE.flap_a
-"""Activations of the rotor's actuator, less two for each state of the laws."""
-ROTOR_STATES = WITHOUT_LAWS + 2 * (SWASH_STATES + TAIL_STATES)
-"""The least that a vehicle's MJCF has."""
+WITHOUT_LAWS = FIRST_LAW_STATE - STATE.flap_a  # less two a law state
+ROTOR_STATES = WITHOUT_LAWS + 2 * (SWASH_STATES + TAIL_STATES)  # the MJCF's least
 
 LAYOUT = float(zlib.crc32(repr((ACTUATORS, SENSORS, STATE._fields, PARAM._fields)).encode()))
 """Value of `PARAM.layout`: numbers that were written for another order of anything are refused."""

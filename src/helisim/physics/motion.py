@@ -1,9 +1,7 @@
 """Motion of a body in the field's axes, wrenches on it, and the axes of its rotor's shaft.
 
-The one place where MuJoCo's forward-left-up meets the field's forward-right-down. Both flips are
-the same: x stays, y and z change sign; so do the axes of a rotation. The world turns from
-north-west-up to north-east-down likewise. Shaft axes are the body's, leaned forward with the main
-rotor's shaft, whose plane is level there.
+MuJoCo's forward-left-up and north-west-up become forward-right-down and north-east-down: y and z
+change sign. Shaft axes are the body's, leaned forward with the main rotor's shaft.
 """
 
 import math
@@ -22,10 +20,7 @@ def flip(x, y, z):
 
 @kernel()
 def euler_angles(xmat):
-    """Return roll, pitch and yaw (rad) of a forward-right-down body in north-east-down.
-
-    xmat: nine numbers, MuJoCo's row-major rotation from body to world.
-    """
+    """Return roll, pitch and yaw (rad), FRD in NED; xmat: MuJoCo's row-major rotation, (9,)."""
     sine = min(1.0, max(-1.0, xmat[6]))
     phi = math.atan2(xmat[7], xmat[8])
     theta = math.asin(sine)

@@ -1,7 +1,6 @@
-"""The pilot: holds the hover, flies sweeps and doublets, with the remnant of a human.
+"""The pilot: holds the hover, flies sweeps and doublets, with a human's remnant.
 
-Everything is a function of time, state and parameters, so a flight is the same for any
-number of threads, and halving the time step changes neither the sweep nor the remnant.
+All are functions of time, state and parameters: independent of threads and time step.
 """
 
 import math
@@ -19,17 +18,12 @@ _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _CHANNEL_STRIDE = np.uint64(0xD1342543DE82EF95)
 _LANE = np.uint64(0xFFFF)
-_EXPONENT = 4.0
-"""C1 of the exponential sweep (Tischler and Remple, ch. 5)."""
+_EXPONENT = 4.0  # C1 (Tischler and Remple, ch. 5)
 
 
 @kernel(forceinline=False)
 def hashed_noise(seed, channel, knot):
-    """Return one number of zero mean and unit variance for a seed, a channel and a knot.
-
-    The mix is SplitMix64 (Steele, Lea and Flood, 2014); the sum of four of its 16-bit lanes
-    is close to normal. No state: the same arguments give the same number.
-    """
+    """Return a number of zero mean and unit variance (SplitMix64: Steele, Lea and Flood, 2014)."""
     x = np.uint64(np.int64(seed)) * _GOLDEN + np.uint64(np.int64(channel)) * _CHANNEL_STRIDE
     x = x + np.uint64(np.int64(knot)) * _MIX_1
     for _ in range(2):
@@ -55,10 +49,9 @@ def remnant(time, interval, seed, channel):
 
 @kernel()
 def sweep_phase(time, duration, w_min, w_max):
-    """Return the phase (rad) of an exponential frequency sweep.
+    """Return the phase (rad) of an exponential sweep, time in s, frequencies in rad/s.
 
-    The frequency is w_min + C2 (exp(C1 t/T) - 1)(w_max - w_min), with C1 = 4 and
-    C2 = 1/(e^4 - 1); this is its integral.
+    Integral of w_min + C2 (exp(C1 t/T) - 1)(w_max - w_min), with C1 = 4 and C2 = 1/(e^4 - 1).
     """
     grown = math.expm1(_EXPONENT * time / duration)
     span = (w_max - w_min) / math.expm1(_EXPONENT)
@@ -69,9 +62,7 @@ def sweep_phase(time, duration, w_min, w_max):
 def sweep(time, duration, w_min, w_max, fade, unsteadiness, seed):
     """Return an imperfect sweep of about unit amplitude; zero before 0 and after `duration`.
 
-    time: s since the sweep's start; duration: s; w_min: rad/s; w_max: rad/s; fade: s, over which
-    the sweep grows and dies; unsteadiness: wobble of the amplitude, and of the phase in rad, 0 for
-    a machine; seed: of the wobble.
+    time, duration, fade: s; w_min, w_max: rad/s; unsteadiness: of amplitude, and of phase in rad.
     """
     if time <= 0.0 or time >= duration:
         return 0.0
@@ -121,9 +112,7 @@ def excitation(par, time):
 def hold(par, matrix, north, east, down, u, v, w):
     """Return the sticks COL, LON, LAT, PED that keep the hover, slowly.
 
-    matrix: rotation of the body to the world, MuJoCo's axes, row-major, (9,); north: of the body's
-    origin, m; east: m; down: m; u: velocity over the ground forward, m/s, body axes; v: to the
-    right, m/s; w: down, m/s.
+    matrix: body to world, MuJoCo's axes, row-major, (9,); north, east, down: m; u, v, w: m/s, body.
     """
     phi, theta, psi = euler_angles(matrix)
     cosine, sine = math.cos(psi), math.sin(psi)

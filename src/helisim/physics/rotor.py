@@ -1,14 +1,10 @@
 """Rotors in the air that passes them: blade elements, their drag and stall, main and tail rotor.
 
-Coefficients are those of the field: CT = T / (rho A (Omega R)^2), CQ and CP likewise with R and
-with the third power; inflow and climb ratios are over Omega R, positive when air passes the disc
-against the thrust, as in a climb.
-
-Three planes meet at the main rotor's hub. The shaft's carries the forces in the plane of the disc.
-In that of no feathering, which the swashplate tilts, blades see no cyclic pitch: what passes
-through it gives their lift. Thrust stands on the tips' plane: what passes along it is what momentum
-theory knows, and what thrust works against, so that the shaft's power is the work of thrust and
-drag on the vehicle and the heat that the air keeps.
+CT = T / (rho A (Omega R)^2), CQ and CP likewise; inflow and climb are over Omega R, positive when
+air passes the disc against the thrust. The shaft's plane has the in-plane forces, the plane of no
+feathering the blades' lift, the tips' plane thrust and momentum. Arguments: `pitch`, collective at
+3/4 radius, rad; `twist`, tip's pitch minus the root's, rad; `advance`, mu; `solidity`, sigma;
+`slope`, of CT by v, a sigma / 4; `nearness`, (R / 4z)^2 of the ground; `speed`, over nominal.
 """
 
 import math
@@ -24,51 +20,20 @@ from helisim.physics.motion import Wrench
 def unloaded_inflow(pitch, twist, climb, advance):
     """Return the induced velocity at which unstalled blades carry no thrust, over Omega R.
 
-    CT falls from there by a sigma / 4 for each unit of it (Leishman, Principles of Helicopter
-    Aerodynamics, chapter 3, in axes of no feathering):
-    CT = (a sigma / 2) (theta_0 / 3 (1 + 3/2 mu^2) + theta_tw / 4 (1 + mu^2) - lambda / 2).
-
-    pitch: collective pitch at 3/4 of the radius, rad, where twist doesn't matter in hover; twist:
-    tip's pitch minus the root's, rad, linear between; climb: along the normal of the plane in which
-    the blades don't feather; advance: advance ratio mu.
+    CT = (a sigma / 2) (theta_0 / 3 (1 + 3/2 mu^2) + theta_tw / 4 (1 + mu^2) - lambda / 2)
+    (Leishman, ch. 3), climb along the normal of the plane of no feathering.
     """
     square = advance**2
     return pitch * (2.0 / 3.0 + square) - 0.25 * twist * square - climb
 
 
-@kernel()
-def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, nearness=0.0):
-    """Return the total inflow ratio lambda and CT where blade elements and momentum meet.
-
-    For blades without twist that don't feather about another axis than the thrust's.
-
-    pitch: collective pitch, rad; climb: climb ratio along the thrust; advance: advance ratio mu;
-    solidity: sigma; lift_slope: 1/rad; stall: greatest |CT| / sigma that the blades carry;
-    nearness: (R / 4z)^2 of the ground, 0 far from it.
-    """
-    free = unloaded_inflow(pitch, 0.0, climb, advance)
-    slope = 0.25 * lift_slope * solidity
-    induced, thrust = balance(free, slope, stall * solidity, climb, advance, nearness)
-    return climb + induced, thrust
-
-
 Losses = namedtuple("Losses", "torque drag")
-"""The cost of a rotor's thrust, apart from the work that it does on what it moves.
-
-torque: CQ; drag: force against the edgewise flow in the disc's plane, CH over mu.
-"""
+"""The cost of a rotor's thrust beside its work; torque: CQ; drag: CH over mu, in the disc."""
 
 
 @kernel()
 def losses(thrust, unstalled, induced, advance, solidity, slope, induced_factor, least_drag):
-    """Return the `Losses` of a rotor: induced, and of its blades' drag.
-
-    The shaft's CQ is that and climb times CT; the air's heat is CQ + mu CH of this.
-
-    thrust: CT; unstalled: CT that the blades would carry without stall; induced: v over the tip
-    speed; advance: mu; solidity: sigma; slope: of CT by v, a sigma / 4; induced_factor: kappa,
-    ratio of induced power to that of uniform inflow; least_drag: c_d0 of blades that don't stall.
-    """
+    """Return the `Losses`; thrust, unstalled: CT; induced: v; induced_factor: kappa."""
     section = 0.125 * solidity * least_drag
     if thrust != unstalled:
         incidence = 1.5 * abs(unstalled) / (slope * (1.0 + 1.5 * advance**2))
@@ -79,51 +44,36 @@ def losses(thrust, unstalled, induced, advance, solidity, slope, induced_factor,
 
 @kernel()
 def leaning_lift(pitch, twist, inflow, slope):
-    """Return the force of the lift itself against the edgewise flow, CH over mu.
+    """Return the force of the lift against the edgewise flow, CH over mu; inflow: along the thrust.
 
-    Lift leans with its local flow, and more so where the blade moves slowly: on the disc of free
-    blades, which feather by -8/3 mu theta + 2 mu lambda over the tips' plane, what is left is
-    a sigma / 2 lambda (lambda / 2 - theta / 6 - theta_tw / 8) (the sums of Bramwell, Helicopter
-    Dynamics, chapter 3, on the tips' plane, to first order in mu). Level with the disc it works
-    against the airspeed, and the shaft is spared that work.
-
-    pitch: collective pitch at 3/4 of the radius, rad; twist: tip's pitch minus the root's, rad;
-    inflow: lambda, along the thrust; slope: of CT by v, a sigma / 4.
+    a sigma / 2 lambda (lambda / 2 - theta / 6 - theta_tw / 8), to first order in mu (Bramwell,
+    Helicopter Dynamics, ch. 3, on the tips' plane).
     """
     return slope * inflow * (inflow - pitch / 3.0 - 0.25 * twist)
 
 
 @kernel()
 def stalled_drag(incidence, kept):
-    """Return by how much the drag coefficient of the blades' sections rises past the stall.
+    """Return the rise of sectional drag past the stall; incidence: rad.
 
-    Where lift is lost the flow has left the blades, and the force that is left is that on a
-    plate, whose drag comes on with the loss: 2 sin^2 of the incidence. NACA 0012 at 25 to 90
-    degrees (Sheldahl and Klimas, SAND80-2114) has that within 25 %.
-
-    incidence: mean of the sections, rad; kept: share of the unstalled lift that is left.
+    2 sin^2(incidence), as lift is lost (`kept`: share left): within 25 % of NACA 0012 at 25 to 90
+    degrees (Sheldahl and Klimas, SAND80-2114).
     """
     return 2.0 * (1.0 - kept**2) * math.sin(min(incidence, 0.5 * math.pi)) ** 2
 
 
 @kernel()
 def profile_drag(advance):
-    """Return CQ and CH of the blades' drag, over sigma c_d / 8, the latter also over mu.
+    """Return CQ, and CH over mu, of the blades' drag over sigma c_d / 8, reversed flow included.
 
-    Drag along the local flow in the disc's plane, radial and reversed flow included. These are
-    exact for small and great mu; between, their sum CP = CQ + mu CH is within 0.4 % of the
-    integral, torque within 1.8 % and force within 0.9 %. Johnson's fit to mu = 0.5 is
-    1 + 4.5 mu^2 + 1.61 mu^3.7 (Rotorcraft Aeromechanics, chapter 6).
-
-    advance: mu.
+    Exact for small and great mu; else CP within 0.4 % of the integral, CQ 1.8 %, CH 0.9 %.
     """
     square = advance**2
     torque = math.sqrt(1.0 + square * (3.0 + square / (1.0 + square)))
     return torque, math.sqrt(9.0 + 16.0 * square)
 
 
-STOPPED = 0.05
-"""Fraction of its speed below which a rotor's forces fade, to nothing where it stands."""
+STOPPED = 0.05  # speed below which a rotor's forces fade
 
 
 MainRotor = namedtuple(
@@ -132,26 +82,14 @@ MainRotor = namedtuple(
 )
 """Forces and flow of the main rotor.
 
-thrust: N, along the normal of the tips' plane; torque: N m, which the shaft takes; negative
-where the air turns the rotor; drag_x: force of the blades in the plane of the hub, N, forward;
-drag_y: likewise to the right, N; heat: power that the air keeps, induced and of the blades'
-drag, W; inflow: ratio of the air's velocity through the plane of no feathering to the tip
-speed; induced: share of it that the rotor itself makes; climb: ratio of the hub's velocity
-along the thrust, through the air, to the tip speed; advance: likewise across the shaft;
-tip_speed: m/s, at least that of a rotor that counts as stopped; pitch: collective pitch of the
-blades, rad.
+thrust: N, normal to the tips' plane; torque: N m, negative where air turns the rotor; drag_x,
+drag_y: N, hub's plane, forward and right; heat: W; inflow, induced, climb: over tip speed.
 """
 
 
 @kernel()
 def turning(speed):
-    """Return the speed at which a rotor is computed, and the share of its forces that it has.
-
-    Both over nominal ones. A rotor that hardly turns has its forces in the ratio of an endless
-    advance ratio; so they are found at `STOPPED`, and fade from there as a smooth cubic.
-
-    speed: of the rotor, over the nominal one.
-    """
+    """Return the speed at which a rotor is computed, and its share of the forces."""
     if speed >= STOPPED:
         return speed, 1.0
     part = max(0.0, speed) / STOPPED
@@ -160,12 +98,10 @@ def turning(speed):
 
 @kernel()
 def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, mean=0.0):
-    """Return what the main rotor does.
+    """Return the `MainRotor`; collective: unitised.
 
-    speed: rotor speed over the nominal one; collective: unitised; tips: tilt of the tips' plane,
-    rearward and right, rad, (2,); swashplate: tilt of the plane of no feathering, likewise, (2,);
-    nearness: (R / 4z)^2 of the ground, 0 far from it; mean: induced velocity, m/s, where inflow is
-    dynamic; else it is what the thrust asks for.
+    tips, swashplate: rearward and right tilt of tips' and no-feathering plane, rad, (2,); mean:
+    induced velocity, m/s, where inflow is dynamic.
     """
     speed, share = turning(speed)
     radius = par[PARAM.main_radius]
@@ -219,10 +155,7 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, m
 
 @kernel()
 def normal(par, tips):
-    """Return the direction of thrust, body axes, at a tilt of the tips' plane (2,), rad.
-
-    Tilts are the slopes of that plane, as the first harmonic of small flapping angles is.
-    """
+    """Return the direction of thrust, body axes, at a tilt of the tips' plane (2,), rad."""
     stop = par[PARAM.flap_stop]
     a, b = soft_limit(tips[0], stop, 0.7), soft_limit(tips[1], stop, 0.7)
     level = 1.0 / math.sqrt(1.0 + a * a + b * b)
@@ -231,36 +164,21 @@ def normal(par, tips):
 
 @kernel()
 def cyclic_tilt(par, lon, lat):
-    """Return the tilt that the swashplate alone calls for, rearward and right, rad.
-
-    It is that of the plane in which the blades don't feather, on which free blades settle in still
-    air.
-
-    lon: longitudinal cyclic, unitised; lat: lateral cyclic, unitised.
-    """
+    """Return the swashplate's tilt, rearward and right, rad; lon, lat: unitised."""
     a = par[PARAM.cyclic_a_lat] * lat + par[PARAM.cyclic_a_lon] * lon
     return a, par[PARAM.cyclic_b_lat] * lat + par[PARAM.cyclic_b_lon] * lon
 
 
 TailRotor = namedtuple("TailRotor", "thrust inflow torque drag_x drag_z heat")
-"""Forces and flow of the tail rotor.
+"""Forces and flow of the tail rotor; inflow: over the tip speed.
 
-thrust: N; inflow: ratio of the air's velocity through the disc to the tip speed; torque: at its
-own shaft, N m; drag_x: force of the blades' drag in the disc's plane, N, forward; drag_z:
-likewise downward, N; heat: power that the air keeps, induced and of the blades' drag, W.
+thrust: N; torque: at its shaft, N m; drag_x, drag_z: N, forward, down; heat: W.
 """
 
 
 @kernel()
 def tail_rotor(par, motion, speed, pedal, wash=0.0):
-    """Return what the tail rotor does, a `TailRotor`.
-
-    Under blades that turn clockwise it pushes the tail to the left (nose right), and more so with
-    the pedals; under others to the right, and less so: pedals forward is nose right for both.
-
-    speed: rotor speed over the nominal one; pedal: of the tail servo, unitised; wash: velocity of
-    the main rotor's wake there, m/s downwards.
-    """
+    """Return the `TailRotor`; pedal: unitised; wash: main rotor's wake there, m/s downwards."""
     speed, share = turning(speed)
     radius = par[PARAM.tail_radius]
     tip_speed = par[PARAM.tail_speed] * speed * radius

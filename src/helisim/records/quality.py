@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 _BLOCK = 50  # samples over which the usual step of a channel is taken
 _STICKS_OUT = 8.0
-"""Usual steps. White noise has a median step of 0.95 of its deviation, so a sample would have to
-differ from both its neighbours by 7.6 deviations: one of 1e9 does."""
+"""Usual steps: 7.6 deviations of white noise, whose median step is 0.95 of one."""
 _COMES_BACK = 0.5  # share of its height by which the channel may have moved on after a spike
 _LEAST_STEP = 0.02
 """Share of the channel's median step that a quiet place is taken to have at least."""
@@ -20,12 +19,11 @@ _USUAL = 0.95  # quantile of the runs of equal samples that counts as their usua
 _STOP = 0.5  # of a unitised input, either way
 _ROUNDING = 1e-6  # by which an input at its stop may be short of it, or beyond
 _OVERSHOOT = 0.06
-"""By which a recorder's filter carries a jump to the stop beyond it: a Butterworth filter of
-fourth order by 11 % of the jump."""
+"""Overshoot of a recorder's filter: 11 % of the jump in a Butterworth filter of fourth order."""
 
 
 class Run(NamedTuple):
-    """Samples in a row, from `first` to `last`, inclusive."""
+    """Samples from `first` to `last`, inclusive."""
 
     first: int
     last: int
@@ -33,14 +31,10 @@ class Run(NamedTuple):
 
 @np.errstate(over="ignore", invalid="ignore")
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which samples of a channel are spikes, (n_time,).
+    """Return which samples of a finite channel, (n_time,), are spikes, (n_time,).
 
-    One or two samples that are beyond both their neighbours, on the same side, by more than
-    eight of the steps that the channel usually makes thereabouts; the neighbours agree to half of
-    that. So a jump to a new level is none, and the start of a decay neither.
-
-    Args:
-        values: (n_time,), finite.
+    One or two samples beyond both their neighbours, on the same side, by more than eight usual
+    steps thereabouts; the neighbours agree to half of that.
     """
     found = np.zeros(values.size, dtype=np.bool_)
     if values.size < 2 * _BLOCK:
@@ -62,7 +56,7 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _usual_step(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the median of the steps around each sample, (n_time,); of those that are none."""
+    """Return the median of the steps around each sample, (n_time,)."""
     steps = np.abs(np.diff(values, prepend=values[0]))
     moved = steps > 1e-9 * np.max(np.abs(values))
     if not moved.any():
@@ -82,13 +76,9 @@ def _usual_step(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @np.errstate(over="ignore", invalid="ignore")
 def frozen_runs(values: NDArray[np.float64]) -> tuple[Run, ...]:
-    """Return the runs of equal samples in which a channel of measured motion is frozen.
+    """Return the runs of equal samples in which a finite channel of motion, (n_time,), is frozen.
 
-    At least ten equal samples in a row, and ten times as many as the channel usually has. From
-    its start a channel may rest until it first moves.
-
-    Args:
-        values: (n_time,), finite.
+    At least ten, and ten times as many as usual; the rest before the first motion is none.
     """
     edges = np.flatnonzero(np.diff(values) != 0.0) + 1
     starts = np.concatenate([[0], edges])
@@ -105,12 +95,9 @@ def frozen_runs(values: NDArray[np.float64]) -> tuple[Run, ...]:
 
 
 def at_stop(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return at which samples a unitised input is at its stop, (n_time,).
+    """Return at which samples a unitised input, (n_time,), is at its stop, (n_time,).
 
-    An input that goes further beyond than a filter does isn't unitised: no stop is known.
-
-    Args:
-        values: (n_time,), finite.
+    Far beyond the stop it isn't unitised, and no sample is.
     """
     size = np.abs(values)
     if np.max(size) > _STOP + _OVERSHOOT:

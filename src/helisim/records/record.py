@@ -1,7 +1,4 @@
-"""The flight record, and the one list of channels that it can carry, with units and meaning.
-
-Body axes are forward-right-down and the earth frame is north-east-down.
-"""
+"""Flight records and their channels, with units; body axes FRD, earth axes NED."""
 
 import json
 import platform
@@ -17,16 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.errors import InputError, RecordError, UnknownNameError
+from helisim.base.errors import InputError, RecordError, check_known, item_of
 from helisim.base.settings import FrozenMap, Value
-from helisim.base.units import CONTROL, Powers, UserUnits, check_same, parts
-from helisim.base.units import unit as unit_of
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
-    from helisim.base.display import Axes, Figure
+    from helisim.base.display import Figure
 
 
 Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
@@ -34,7 +28,7 @@ Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
 
 @dataclass(frozen=True)
 class Channel:
-    """One column of a record: its name, its unit (SI), its kind and its meaning."""
+    """One column of a record, its unit SI."""
 
     name: str
     unit: str
@@ -138,9 +132,7 @@ _NAMED = 30  # channels that a `repr` names, at most
 
 def channel(name: str) -> Channel:
     """Return the standard channel of that name. Raises UnknownNameError."""
-    if name not in CHANNELS:
-        raise UnknownNameError("channel", name, CHANNELS)
-    return CHANNELS[name]
+    return item_of(CHANNELS, name, "channel")
 
 
 def some_names(names: Iterable[str]) -> str:
@@ -149,43 +141,11 @@ def some_names(names: Iterable[str]) -> str:
     return ", ".join(known if len(known) <= _NAMED else [*known[:_NAMED], "..."])
 
 
-def signal_powers(name: str, unit: str, *, is_input: bool) -> Powers | None:
-    """Return the powers of a channel's unit; None where it isn't known.
-
-    Args:
-        name: of the channel; a standard one's unit is known.
-        unit: as recorded, "" where it isn't known.
-        is_input: a unit of "1" counts a control's range, as it does of standard controls.
-    """
-    standard = CHANNELS.get(name)
-    powers = parts(unit or (standard.unit if standard else ""))
-    control = is_input or (standard is not None and standard.kind in ("IN1", "IN2", "SERVO"))
-    return {CONTROL: 1} if powers == {} and control else powers
-
-
-def signal_in(units: UserUnits, name: str, unit: str, *, is_input: bool) -> tuple[str, float]:
-    """Return how a channel's unit is written in the given units, and how many are one in SI.
-
-    Args:
-        units: to show it in.
-        name: of the channel.
-        unit: SI; it stays where its powers aren't known.
-        is_input: as for `signal_powers`.
-    """
-    powers = signal_powers(name, unit, is_input=is_input)
-    return units.shown(powers) if powers else (unit, 1.0)
-
-
 _PROGRAMS = ("helisim", "mujoco", "numpy", "scipy", "numba", "control", "pyarrow")
 
 
 def made_by(what: str, **facts: Any) -> dict[str, Any]:
-    """Return the provenance of something that helisim made: by what, with which versions.
-
-    Args:
-        what: the part of helisim, such as "simulation".
-        facts: plain data that the result depends on: configuration, seed, model.
-    """
+    """Return the provenance of what a part of helisim, such as "simulation", made of the facts."""
     known = versions()
     return {"made_by": f"helisim {known['helisim']}, {what}", "versions": known, **facts}
 
@@ -197,8 +157,10 @@ def versions() -> dict[str, str]:
 
 @cache
 def _versions() -> Mapping[str, str]:
-    kind = f"{platform.system()} {platform.machine()}".strip()
-    found = {"python": platform.python_version(), "machine": kind}
+    found = {
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}".strip(),
+    }
     for program in _PROGRAMS:
         try:
             found[program] = version(program)
@@ -209,11 +171,9 @@ def _versions() -> Mapping[str, str]:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread within the block: the same bits on any processor count.
+    """Limit linear algebra to one thread: the same bits on any processor count.
 
-    BLAS adds up in another order when it works in several threads. Their number is the process's,
-    and threadpoolctl leaves it to the first Python thread that sets it: where several Python
-    threads identify at once, last digits may still move.
+    The limit is the process's: with several Python threads at once last digits may still move.
     """
     with _blas().limit(limits=1, user_api="blas"):
         yield
@@ -238,11 +198,7 @@ class Plain(FrozenMap[str, Any]):
 
 
 def plain(provenance: Mapping[str, Any]) -> Plain:
-    """Return provenance as JSON would give it back: tuples become lists.
-
-    Raises:
-        RecordError: it isn't plain JSON data.
-    """
+    """Return provenance as JSON would give it back: tuples become lists. Raises RecordError."""
     if isinstance(provenance, Plain):
         return provenance
     try:
@@ -269,8 +225,7 @@ def difference(found: Any, expected: Any, name: str = "") -> str:
 
 
 UNIFORM = 1e-6
-"""A time step may differ from the mean by this fraction and still count as uniform:
-far above the rounding of a double, far below any sample of interest."""
+"""Relative difference of a time step from the mean that still counts as uniform."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +235,7 @@ class FlightRecord(Value, Displayed):
     Attributes:
         time: (n_time,) s, finite and strictly increasing.
         values: (n_time, n_channel) in the units of `channels`, finite.
-        channels: one `Channel` a column, names unique.
-        provenance: JSON-like mapping: who flew what, with which seed and versions.
+        provenance: who flew what, with which seed and versions; JSON-like.
     """
 
     time: NDArray[np.float64]
@@ -303,7 +257,6 @@ class FlightRecord(Value, Displayed):
         return self.values[:, self._index(name)]
 
     __iter__: ClassVar[None] = None
-    """Over names or samples? `names`, `time` and `values` say which."""
 
     def __contains__(self, name: str) -> bool:
         return name in self.names
@@ -343,10 +296,7 @@ class FlightRecord(Value, Displayed):
 
     @property
     def ended(self) -> str:
-        """Why and when the flight was terminated early, "" if it wasn't.
-
-        A simulation says so in the provenance's `ended`, with `at` (s), `why` and `state`.
-        """
+        """Why and when the flight was terminated early, "" if it wasn't."""
         end = self.provenance.get("ended")
         if not isinstance(end, Mapping):
             return ""
@@ -367,107 +317,26 @@ class FlightRecord(Value, Displayed):
         return FlightRecord(self.time[keep], self.values[keep], self.channels, self.provenance)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a DataFrame: the index is `time` in s, a column each channel.
+        """Return a DataFrame indexed by time, s; its `attrs` hold `units` and `provenance`.
 
-        Its `attrs` hold `units`, `kinds` and `meanings` by channel, and the `provenance`.
-
-        Raises:
-            InputError: pandas isn't installed.
+        Raises InputError unless pandas is installed.
         """
-        pandas = _package("pandas")
+        try:
+            pandas = import_module("pandas")
+        except ImportError:
+            raise InputError("to_pandas needs pandas: pip install pandas") from None
         time = pandas.Index(np.array(self.time), name="time")
         frame = pandas.DataFrame(np.array(self.values), index=time, columns=list(self.names))
-        for key, attribute in _KEYS.items():
-            frame.attrs[key] = {one.name: getattr(one, attribute) for one in self.channels}
+        frame.attrs["units"] = {one.name: one.unit for one in self.channels}
         frame.attrs["provenance"] = dict(self.provenance)
         return frame
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return a Dataset: a variable each channel over `time`, with `units` and `long_name`.
-
-        Its `attrs` hold the `provenance` as JSON, so that it can be written as netCDF.
-
-        Raises:
-            InputError: xarray isn't installed.
-        """
-        xarray = _package("xarray")
-        variables = {
-            one.name: (
-                "time",
-                np.array(values),
-                {"units": one.unit, "long_name": one.meaning, "kind": one.kind},
-            )
-            for one, values in zip(self.channels, self.values.T)
-        }
-        time = ("time", np.array(self.time), {"units": "s", "long_name": "time"})
-        about = {"provenance": json.dumps(dict(self.provenance), allow_nan=False)}
-        return xarray.Dataset(variables, coords={"time": time}, attrs=about)
-
-    @classmethod
-    def from_pandas(
-        cls,
-        frame: "pandas.DataFrame",
-        *,
-        units: Mapping[str, str] | None = None,
-        provenance: Mapping[str, Any] | None = None,
-    ) -> "FlightRecord":
-        """Return the record that a DataFrame holds, such as that of `to_pandas`.
-
-        Args:
-            frame: times in s as its index or as column `time`; a column each channel.
-            units: of columns, such as {"p": "deg/s"}: converted to SI. By default as `to_pandas`
-                says in `attrs`, or SI where the name is a standard channel's.
-            provenance: who flew what; by default that in `attrs`.
-
-        Raises:
-            UnknownNameError: no such column or unit.
-            InputError: the unit of a column isn't known, or not of the channel's kind.
-            RecordError: what isn't finite or no number, or times that don't increase; to repair
-                it, write it to a file for `helisim.read_log`.
-        """
-        if not hasattr(frame, "attrs") or not hasattr(frame, "columns"):
-            raise InputError(f"from_pandas takes a DataFrame, got {type(frame).__name__}")
-        stated = {str(key): dict(x) for key, x in frame.attrs.items() if isinstance(x, Mapping)}
-        if "time" in frame.columns:
-            frame = frame.set_index("time")
-        elif frame.index.name != "time" and type(frame.index).__name__ == "RangeIndex":
-            raise RecordError(
-                "the DataFrame has no times: its index numbers the rows; give it a column 'time', "
-                "in s, or such an index"
-            )
-        names, units = [str(name) for name in frame.columns], units or {}
-        for name in units:
-            if name not in names:
-                raise UnknownNameError("column with a unit", name, names)
-        found = [_column_channel(name, units.get(name), stated) for name in names]
-        values = np.zeros((len(frame), len(names)))
-        for k, (name, (_, factor)) in enumerate(zip(names, found)):
-            values[:, k] = factor * _numbers(frame.iloc[:, k], name)
-        time = _numbers(frame.index, "time")
-        origin = stated.get("provenance", {}) if provenance is None else provenance
-        return cls(time, values, tuple(one for one, _ in found), origin)
-
-    def plot(
-        self,
-        channels: "Sequence[str] | str | None" = None,
-        *,
-        axes: "Sequence[Axes] | None" = None,
-    ) -> "Figure":
-        """Draw time histories; angles and their rates in degrees.
-
-        Args:
-            channels: a panel each; by default inputs and motion, those of a kind together.
-            axes: to draw on, one a panel from top to bottom; by default those of a new figure.
-
-        Raises:
-            UnknownNameError: no such channel.
-            InputError: there are more or fewer axes than panels.
-        """
-        return shower().plot_record(self, channels, axes)
+    def plot(self, channels: "Sequence[str] | str | None" = None) -> "Figure":
+        """Draw inputs and motion, or the channels named; degrees. Raises UnknownNameError."""
+        return shower().plot_record(self, channels)
 
     def _index(self, name: str) -> int:
-        if name not in self.names:
-            raise UnknownNameError("channel", name, self.names)
+        check_known("channel", [name], self.names)
         return self.names.index(name)
 
 
@@ -480,63 +349,13 @@ def _check(time: NDArray[np.float64], values: NDArray[np.float64], names: tuple[
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise RecordError(f"channel names must be unique, repeated: {', '.join(repeated)}")
-    bad = np.flatnonzero(~np.isfinite(time))
-    if bad.size:
-        raise RecordError(f"time is not finite at row {bad[0]}")
-    falls = np.flatnonzero(np.diff(time) <= 0.0)
-    if falls.size:
-        before, row = time[falls[0]], falls[0] + 1
+    rises = np.isfinite(time) & (np.diff(time, prepend=-np.inf) > 0.0)
+    if not rises.all():
+        row = int(np.argmin(rises))
+        before = f" after {time[row - 1]:.6g} s" if row else ""
         raise RecordError(
-            f"time must increase: row {row} has {time[row]:.6g} s after {before:.6g} s"
+            f"time must be finite and increase: row {row} has {time[row]:.6g} s{before}"
         )
     if not np.all(np.isfinite(values)):
         row, column = np.argwhere(~np.isfinite(values))[0]
         raise RecordError(f"channel {names[column]!r} is not finite at row {row}")
-
-
-_KEYS = {"units": "unit", "kinds": "kind", "meanings": "meaning"}
-"""Key of a DataFrame's `attrs` -> attribute of a channel."""
-
-
-def _column_channel(
-    name: str, given: str | None, stated: Mapping[str, Mapping[str, Any]]
-) -> tuple[Channel, float]:
-    """Return the channel of a column, and SI per unit of the column."""
-    known = CHANNELS.get(name)
-    if given is not None:
-        unit = unit_of(given)
-        if known is None:
-            return Channel(name, unit.si, "OTHER"), unit.factor
-        check_same(name, known.unit, given, unit.si)
-        return known, unit.factor
-    if all(name in stated.get(key, {}) for key in _KEYS):
-        return Channel(name, *(stated[key][name] for key in _KEYS)), 1.0
-    if known is None:
-        raise InputError(
-            f"column {name!r} has no unit, and no standard channel has its name: give it, such "
-            f"as units={{{name!r}: 'rad/s'}}"
-        )
-    return known, 1.0
-
-
-def _numbers(column: Any, name: str) -> NDArray[np.float64]:
-    """Return a column or an index as numbers, (n_time,)."""
-    kind = getattr(column, "dtype", np.dtype(object))
-    if getattr(kind, "kind", "O") in "mM":
-        raise RecordError(
-            f"column {name!r} holds {kind}; a record's time is seconds: "
-            "(index - index[0]).total_seconds()"
-        )
-    try:
-        return np.asarray(column, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RecordError(f"column {name!r} holds {kind}, expected numbers") from None
-
-
-def _package(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        raise InputError(
-            f"to_{name} needs {name}, which isn't installed: pip install {name}"
-        ) from None

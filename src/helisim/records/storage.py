@@ -1,9 +1,7 @@
-"""Flight records on disk: Parquet, and CSV for people and spreadsheets.
+"""Flight records on disk: Parquet, and CSV for people and spreadsheets, without loss.
 
-Both hold unit, kind and meaning of each channel and the provenance, and give back exactly the
-doubles that were written. Parquet has a column `time` (s) and one a channel, whose field metadata
-are `unit`, `kind` and `meaning`; the schema's metadata `helisim` are a JSON object with `format`,
-`version` and `provenance`. A CSV has comment lines, a header of `name [unit]`, one row a sample::
+Parquet has a column `time` (s) and one a channel, whose field metadata are `unit`, `kind` and
+`meaning`; the schema's metadata `helisim` is JSON with `format`, `version` and `provenance`. CSV::
 
     # helisim flight record, version 1
     # rows: 9001
@@ -18,9 +16,8 @@ import io
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +49,9 @@ _Contents = tuple[NDArray[np.float64], tuple[Channel, ...], dict[str, Any]]
 
 
 def write_record(record: FlightRecord, path: str | Path) -> Path:
-    """Write a record as Parquet or CSV, by the suffix of `path`; return the path.
+    """Write a record as Parquet or CSV, by the suffix, complete or not at all; return the path.
 
-    The file appears complete or not at all.
-
-    Raises:
-        StorageError: unknown suffix, or the file can't be written.
-        RecordError: a channel is called `time`, which is the name of the time column.
+    Raises StorageError, or RecordError if a channel is called `time`.
     """
     path = Path(path)
     suffix = check_suffix(path, SUFFIXES)
@@ -70,16 +63,9 @@ def write_record(record: FlightRecord, path: str | Path) -> Path:
 
 
 def read_record(path: str | Path) -> FlightRecord:
-    """Read a record that `write_record` wrote.
-
-    Raises:
-        StorageError: unknown suffix, missing file, or a file that is truncated, corrupt, too
-            large or not a flight record.
-        RecordError: the numbers don't make a record, for example NaN or a time that falls.
-    """
-    path = Path(path)
-    read = _read_csv if check_suffix(path, SUFFIXES) == ".csv" else _read_parquet
-    columns, channels, provenance = read(path)
+    """Read a record that `write_record` wrote. Raises StorageError or RecordError."""
+    read = _read_csv if check_suffix(Path(path), SUFFIXES) == ".csv" else _read_parquet
+    columns, channels, provenance = read(Path(path))
     try:
         return FlightRecord(columns[:, 0], columns[:, 1:], channels, provenance)
     except RecordError as error:
@@ -100,86 +86,51 @@ def _write_csv(record: FlightRecord, path: Path) -> None:
 
 
 def _read_csv(path: Path) -> _Contents:
-    text = read_text(path)
-    complete, comments = text.endswith("\n"), []
-    while text.startswith("#"):
-        line, _, text = text.partition("\n")
-        comments.append(line)
-    if not comments or not comments[0].startswith(_TITLE):
+    lines = io.StringIO(read_text(path)).readlines()  # ends at \n alone: texts hold others
+    count = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    title, *comments = (line.rstrip("\n") for line in (lines[:count] or [""]))
+    if not title.startswith(_TITLE):
         raise StorageError(
             f"{path}: not a helisim flight record: line 1 must be '{_TITLE}{_VERSION}'"
         )
-    _check_version(path, _integer(path, comments[0].removeprefix(_TITLE)))
-    rows = _integer(path, _comment(path, comments, "rows"))
-    provenance = parse_object(_comment(path, comments, "provenance"), f"{path}: '# provenance:'")
+    _check_version(path, title.removeprefix(_TITLE))
+    said = dict(line.removeprefix("# ").split(": ", 1) for line in comments if ": " in line)
+    if missing := {"rows", "provenance"} - said.keys():
+        raise StorageError(f"{path}: needs a line '# {min(missing)}:' before the header")
+    provenance = parse_object(said["provenance"], f"{path}: '# provenance:'")
     channels = tuple(
         _channel(path, parse_object(line.removeprefix("# channel: "), f"{path}: '# channel:'"))
         for line in comments
         if line.startswith("# channel: ")
     )
-    columns = _csv_columns(path, text, _headings(channels), len(comments))
-    if len(columns) != rows or not complete:
+    try:
+        header, *rows = csv.reader(lines[count:] or [""])
+    except csv.Error as error:
+        raise StorageError(f"{path}: not a CSV table: {error}; is a quote left open?") from None
+    expected = _headings(channels)
+    if header != expected:
         raise StorageError(
-            f"{path}: truncated: {len(columns)} rows, and its line '# rows:' says {rows} "
+            f"{path}, line {count + 1}: the columns are {', '.join(header) or 'none'}; by the "
+            f"lines '# channel:' they must be {', '.join(expected)}"
+        )
+    columns = np.empty((len(rows), len(expected)))
+    for k, row in enumerate(rows):
+        try:
+            columns[k] = np.array(row, dtype=np.float64).reshape(len(expected))
+        except ValueError:
+            raise StorageError(
+                f"{path}, line {count + 2 + k}: expected {len(expected)} numbers, got {row}"
+            ) from None
+    if str(len(rows)) != said["rows"].strip() or not lines[-1].endswith("\n"):
+        raise StorageError(
+            f"{path}: truncated: {len(rows)} rows, and its line '# rows:' says {said['rows']} "
             "(if it was cut on purpose, correct that line)"
         )
     return columns, channels, provenance
 
 
-def _csv_columns(path: Path, body: str, expected: list[str], above: int) -> NDArray[np.float64]:
-    """Return the numbers below the header as (n_time, 1 + n_channel)."""
-    reader = csv.reader(io.StringIO(body, newline=""))
-    table: list[list[float]] = []
-    try:
-        headings = next(reader, [])
-        if headings != expected:
-            raise StorageError(f"{path}, line {above + 1}: {_difference(headings, expected)}")
-        for row in reader:
-            line = f"{path}, line {above + reader.line_num}"
-            if len(row) != len(expected):
-                raise StorageError(f"{line}: {len(row)} columns, expected {len(expected)}")
-            table.append([_number(line, *cell) for cell in zip(expected, row)])
-    except csv.Error as error:
-        raise StorageError(f"{path}, line {above + reader.line_num}: {error}") from None
-    return np.array(table, dtype=np.float64).reshape(-1, len(expected))
-
-
-def _number(line: str, column: str, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise StorageError(f"{line}, column {column!r}: {text!r} is not a number") from None
-    if not isfinite(number):
-        raise RecordError(f"{line}, column {column!r}: {text!r} is not finite")
-    return number
-
-
-def _difference(headings: list[str], expected: list[str]) -> str:
-    missing = [name for name in expected if name not in headings]
-    extra = [name for name in headings if name not in expected]
-    if missing:
-        return f"missing columns: {', '.join(missing)}; expected {', '.join(expected)}"
-    if extra:
-        return f"columns without a '# channel:' line: {', '.join(extra)}"
-    return f"the columns must be, in this order: {', '.join(expected)}"
-
-
-def _comment(path: Path, comments: list[str], key: str) -> str:
-    found = [line for line in comments if line.startswith(f"# {key}: ")]
-    if len(found) != 1:
-        raise StorageError(f"{path}: needs one line '# {key}:' before the header, has {len(found)}")
-    return found[0].removeprefix(f"# {key}: ")
-
-
 def _headings(channels: tuple[Channel, ...]) -> list[str]:
     return [f"{channel.name} [{channel.unit}]" for channel in (_TIME, *channels)]
-
-
-def _integer(path: Path, text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise StorageError(f"{path}: {text!r} is not a whole number") from None
 
 
 def _channel(path: Path, data: Mapping[str, Any]) -> Channel:
@@ -192,18 +143,18 @@ def _channel(path: Path, data: Mapping[str, Any]) -> Channel:
             f"{path}: channel {data['name']!r} has the unknown kind {data['kind']!r}; "
             f"available: {', '.join(get_args(Kind))}"
         )
-    return Channel(*(str(data[name]) for name in names))  # type: ignore[arg-type]
+    return Channel(*(cast(Any, str(data[name])) for name in names))
 
 
 def _check_version(path: Path, version: object) -> None:
-    if version != _VERSION:
+    if str(version) != str(_VERSION):
         raise StorageError(
             f"{path}: version {version} of the format, and this helisim reads version {_VERSION}"
         )
 
 
 def _write_parquet(record: FlightRecord, path: Path) -> None:
-    """Write a record: the same bytes for the same record, for one version of pyarrow."""
+    """Write the same bytes for the same record and version of pyarrow."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -257,22 +208,14 @@ def _read_parquet(path: Path) -> _Contents:
 
 
 def as_array(column: "pa.ChunkedArray") -> np.ndarray:
-    """Return a column without nulls, (n_time,), read-only.
-
-    Arrow's own `to_numpy` imports pandas where there is one, which takes a fifth of a second.
-    """
+    """Return a column without nulls, (n_time,), read-only."""
     return np.from_dlpack(column.combine_chunks())
 
 
 def read_table(path: Path, data: bytes) -> "pa.Table":
-    """Return the table that the bytes of a Parquet file hold, by any program.
+    """Return the table in the bytes of any Parquet file. Raises StorageError.
 
-    It is decoded on the calling thread. A worker of Arrow lets go of `data`, a Python object,
-    only some time after the read has returned; when the interpreter has ended by then, CPython
-    ends the worker in the middle of a destructor, and the process aborts.
-
-    Raises:
-        StorageError: not Parquet, truncated, corrupt or too large.
+    Decoded on the calling thread: Arrow's own may abort the process as the interpreter ends.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

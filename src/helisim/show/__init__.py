@@ -1,1 +1,1 @@
-"""Value objects become things that people look at; nothing is computed here."""
+"""Pictures, tables, pages and recordings of results."""

@@ -1,4 +1,4 @@
-"""Fly the vehicle in MuJoCo's own viewer, in real time, or watch an autopilot fly it."""
+"""Real-time flight in MuJoCo's viewer, by pilot or autopilot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
@@ -27,90 +27,59 @@ from helisim.sim.flight import steps
 from helisim.sim.limits import broken
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
-from helisim.vehicle.folder import Roles
 from helisim.vehicle.trim import addresses, place, root_body
 
 if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft
     from helisim.sitl.link import Frame, Sensed
 
-TILT_GAIN = 10.0
-"""The disc is drawn tilted this many times as far: a sweep's half a degree would not be seen."""
-SLOWED = 30.0
-"""Blades are drawn turning this many times slower: 28 turns a second would only flicker."""
-LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower, thrust red"
+TILT_GAIN = 10.0  # factor on the drawn tilt of the disc
+SLOWED = 30.0  # divisor of the drawn rotor speed
+LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower"
 
-_STAND_OFF = 2.3
-"""How many times its height the camera is away, so that the pad below is in the picture."""
-_FRAME = 1.0 / 60.0
-"""s between two pictures."""
-_FALLEN_BEHIND = 0.5
-"""s: a computer that is later than this lets the clock go on; no more is flown at once."""
-_CLOSING = 5.0
-"""s that a window may take to close."""
-_ARROW_LENGTH, _ARROW_RADIUS = 0.5, 0.0125
-"""In the model's extents: how long a thrust that carries the weight is drawn, and how thick."""
-_THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
+_STAND_OFF = 2.3  # distance of the camera in heights of the hover
+_FRAME = 1.0 / 60.0  # s between two pictures
+_FALLEN_BEHIND = 0.5  # s: what a late computer makes up for at most
+_CLOSING = 5.0  # s, longest time for a window to close
 _INSTEAD = "record the flight instead: `helisim fly` writes a recording for Rerun"
 _STATE = ("qpos", "qvel", "act", "sensordata", "time")
 
 
 class Window(Protocol):
-    """The part of a viewer that the loop uses."""
-
-    user_scn: mujoco.MjvScene | None
+    """The used part of a viewer."""
 
     def is_running(self) -> bool:
-        """Return whether the window is still open."""
+        """Return whether it is open."""
         ...
 
     def sync(self) -> None:
-        """Show the present state."""
+        """Show the state of now."""
         ...
 
     def lock(self) -> AbstractContextManager[Any]:
-        """Keep the viewer from reading while the state changes."""
+        """Keep the viewer from reading what is changed inside."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class LiveFlight:
-    """A flight that is ready to be shown.
-
-    Attributes:
-        model: with every part to be seen, the pilot and the manoeuvre in place.
-        data: in the hover.
-        added: (n_step, n_injection) `injection` of the manoeuvre; None if it has none.
-        roles: names of the rotors in the model.
-    """
+    """A flight ready to be shown; `added` is (n_step, n_injection), what a manoeuvre adds."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
     added: NDArray[np.float64] | None = None
-    roles: Roles = field(default_factory=Roles)
-
-    def step(self) -> None:
-        """Fly on by a time step."""
-        made = round(self.data.time / self.model.opt.timestep)
-        next(steps(self.model, self.data, added=self.added, first=made))
 
 
 def prepare_live(
     vehicle: Vehicle,
     excitation: Excitation | None = None,
     *,
-    pilot: Pilot | None = None,
     ground: Ground | None = None,
     seed: int = 1,
 ) -> LiveFlight:
-    """Return a vehicle with all its parts, hovering above its pad, ready to be watched.
+    """Return a vehicle with all visible parts above its pad; without an excitation it hovers.
 
-    Args:
-        vehicle: that flies.
-        excitation: a `Sweep`, say; None holds the hover.
-        pilot: the default `Pilot` if None.
-        ground: that is below, with its effect; the scene's own, without, if None.
-        seed: of the pilot's remnant, 0 or more.
+    The `ground` is without effect if None; `seed`, of the pilot's remnant, is 0 or more.
     """
     if seed < 0:
         raise InputError(f"seed must be 0 or more, got {seed}")
@@ -120,7 +89,7 @@ def prepare_live(
         vehicle = ground.felt_by(vehicle).trimmed(height=height)
         model.actuator_user[addresses(model).rotor, PARAM.ground_effect] = ground.effect
     par = model.actuator_user[addresses(model).rotor]
-    (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
+    Pilot().write(par, vehicle, seed=seed, height=height)
     added = None
     if excitation is not None:
         check_excitation(excitation)
@@ -133,17 +102,11 @@ def prepare_live(
         ground.begin(vehicle, model, data)
     with installed():
         mujoco.mj_forward(model, data)
-    return LiveFlight(model, data, added, vehicle.roles)
+    return LiveFlight(model, data, added)
 
 
 def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> None:
-    """Let a camera follow a body so that it, its shadow and the pad are seen.
-
-    Args:
-        camera: to be set.
-        model: of a scene, with every part to be seen.
-        body: the vehicle's, by name or number.
-    """
+    """Let a camera follow a body, by name or number, with the pad in view."""
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = model.body(body).id
     camera.distance = _STAND_OFF * hover_height(model)
@@ -151,7 +114,7 @@ def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> Non
 
 
 class Pace:
-    """Keeps a flight to the clock, without hurry after a computer that was late."""
+    """Keeps a flight to the clock, without making up for long delays."""
 
     def __init__(
         self, time: float, clock: Callable[[], float], sleep: Callable[[float], None]
@@ -160,15 +123,15 @@ class Pace:
         self.restart(time)
 
     def restart(self, time: float) -> None:
-        """Go on from a time of the flight, s: it was paused, or begins anew."""
+        """Continue from a time of the flight, s."""
         self._origin = self._clock() - time
 
     def due(self, time: float) -> float:
-        """Return the time until which a flight is to be flown that is at a time now, s."""
+        """Return the time, s, until which a flight now at `time` should be flown."""
         return min(self._clock() - self._origin, time + _FALLEN_BEHIND)
 
     def rest(self, time: float) -> None:
-        """Wait for the next picture, a flight being at a time, s."""
+        """Wait for the next picture of a flight at `time`, s."""
         behind = self._clock() - self._origin - time
         if behind > _FALLEN_BEHIND:
             self._origin += behind - _FALLEN_BEHIND
@@ -183,23 +146,12 @@ def watch(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> float:
-    """Step a flight in real time until its window is closed or its time is over.
+    """Step a flight in real time for `duration`, s, or until its window closes; return s flown.
 
-    Args:
-        flight: to be watched; its data move.
-        window: that shows it.
-        duration: s of flight; None flies on.
-        clock: s, rising.
-        sleep: for a number of seconds.
-
-    Returns:
-        The seconds that were flown.
-
-    Raises:
-        DivergedError: the state is no longer finite.
+    Raises DivergedError.
     """
     model, data = flight.model, flight.data
-    rotors = Rotors(model, flight.roles)
+    rotors = Rotors(model)
     step, end = model.opt.timestep, np.inf if duration is None else duration
     pace = Pace(data.time, clock, sleep)
     with installed():
@@ -207,8 +159,9 @@ def watch(
             until = min(pace.due(data.time), end)
             with window.lock():
                 while data.time < until - 0.5 * step:
-                    flight.step()
-                rotors.draw(data, window.user_scn)
+                    made = round(data.time / step)
+                    next(steps(model, data, added=flight.added, first=made))
+                rotors.draw(data)
             if broken(data):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
             window.sync()
@@ -224,14 +177,10 @@ def view(
     ground: Ground | None = None,
     seed: int = 1,
 ) -> float:
-    """Fly in MuJoCo's viewer until its window is closed; return the seconds flown.
+    """Fly in MuJoCo's viewer until its window closes; return the seconds flown.
 
-    Arguments are those of `prepare_live` and `watch`.
-
-    Raises:
-        DisplayError: there is no display to open a window on.
+    Arguments are those of `prepare_live` and `watch`. Raises DisplayError.
     """
-    check_display()
     flight = prepare_live(vehicle, excitation, ground=ground, seed=seed)
     if duration is None and excitation is not None:
         duration = excitation.duration
@@ -241,11 +190,7 @@ def view(
 
 @contextmanager
 def shown(flight: LiveFlight) -> Iterator[Any]:
-    """Show a flight in a window that follows it; the window closes at the end.
-
-    Raises:
-        DisplayError: no window can be opened.
-    """
+    """Show a flight in a window that follows it and closes at the end. Raises DisplayError."""
     others = set(threading.enumerate())
     window = open_window(flight)
     try:
@@ -259,25 +204,29 @@ def shown(flight: LiveFlight) -> Iterator[Any]:
             thread.join(_CLOSING)
 
 
-def open_window(flight: LiveFlight) -> Any:
-    """Return MuJoCo's viewer of a flight, which closes at the end of a `with` block.
-
-    Raises:
-        DisplayError: no window can be opened.
-    """
+@contextmanager
+def opening() -> Iterator[Any]:
+    """Start GLFW, and give it to a block that opens a window. Raises DisplayError if it can't."""
+    check_display()
     try:
         import glfw
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", glfw.GLFWError)
+            glfw.init()
+            yield glfw
+    except (ImportError, RuntimeError, Warning, mujoco.FatalError) as error:
+        raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
+
+
+def open_window(flight: LiveFlight) -> Any:
+    """Return MuJoCo's viewer of a flight, a context manager. Raises DisplayError."""
+    with opening():  # where the viewer itself starts GLFW, a failure ends the program
         from mujoco import viewer
 
-        with warnings.catch_warnings(record=True) as reasons:
-            warnings.simplefilter("always")
-            if not glfw.init():  # asked here: where the viewer asks, its failure ends the program
-                raise RuntimeError(str(reasons[-1].message) if reasons else "no GLFW")
         return viewer.launch_passive(
             flight.model, flight.data, show_left_ui=False, show_right_ui=False
         )
-    except (ImportError, RuntimeError, mujoco.FatalError) as error:
-        raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
 
 
 def check_display(
@@ -291,89 +240,50 @@ def check_display(
 
 
 def drawn_tilt(a: ArrayLike, b: ArrayLike) -> Rotation:
-    """Return the tip-path plane as drawn, from the hub's axes, forward-right-down.
+    """Return the drawn tip-path plane from the hub's axes, forward-right-down.
 
-    Args:
-        a: rearward tilt, rad, (n_time,) or a number.
-        b: rightward tilt, rad, of the same shape.
+    It tilts by `TILT_GAIN` times a rearward, b rightward, rad, (n_time,) each or a number.
     """
-    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     return Rotation.from_rotvec(TILT_GAIN * np.stack([b, a, np.zeros_like(a)], axis=-1))
 
 
-def drawn_turn(time: ArrayLike, speed: float) -> NDArray[np.float64]:
-    """Return how far blades of a speed in rad/s are drawn to have turned, rad; (n_time,) each."""
-    return np.asarray(time, dtype=np.float64) * speed / SLOWED
-
-
 class Rotors:
-    """Both rotors as they are drawn, and the arrow of the main rotor's thrust."""
+    """Drawn rotors."""
 
-    def __init__(self, model: mujoco.MjModel, roles: Roles) -> None:
+    def __init__(self, model: mujoco.MjModel) -> None:
         where = addresses(model)
-        self._main = _RotorGeoms(model, roles.body("rotor"))
-        self._tail = _RotorGeoms(model, roles.body("tail_rotor"))
+        self._parts = []
+        for name in ("rotor", "tail_rotor"):
+            body = model.body(name).id
+            geoms = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype == 0))
+            turns = Rotation.from_quat(model.geom_quat[geoms], scalar_first=True).as_matrix()
+            self._parts.append((body, geoms, model.geom_pos[geoms].copy(), turns))
         self._direction = model.actuator_user[where.rotor, PARAM.main_direction]
         self._speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
         self._tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
-        self._thrust = model.sensor("rotor").adr[0]
-        extent, mass = model.stat.extent, model.body_subtreemass[model.body_rootid[self._main.body]]
-        self._metres_per_newton = _ARROW_LENGTH * extent / (mass * -model.opt.gravity[2])
-        self._arrow_radius = _ARROW_RADIUS * extent
 
-    def draw(
-        self, data: mujoco.MjData, scene: mujoco.MjvScene | None, time: float | None = None
-    ) -> None:
-        """Put the rotors and the arrow where the state has them.
-
-        Args:
-            data: of the flight.
-            scene: for the arrow; None draws none.
-            time: s that the rotors have turned, as at their nominal speeds; the flight's if None.
-        """
+    def draw(self, data: mujoco.MjData, time: float | None = None) -> None:
+        """Put the rotors as the state has them, turned at nominal speeds by `time`, s, or now."""
         tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self._tilts]).as_rotvec()))
-        main, tail = drawn_turn(data.time if time is None else time, self._speeds)
+        main, tail = (data.time if time is None else time) * self._speeds / SLOWED
         turned = Rotation.from_rotvec([0.0, 0.0, -self._direction * main])
-        self._main.place(data, (tilt * turned).as_matrix())
-        self._tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())
-        if scene is None:
-            return
-        hub = data.xpos[self._main.body]
-        up = data.xmat[self._main.body].reshape(3, 3) @ tilt.apply([0.0, 0.0, 1.0])
-        tip = hub + up * self._metres_per_newton * data.sensordata[self._thrust]
-        arrow, shape = scene.geoms[0], mujoco.mjtGeom.mjGEOM_ARROW
-        mujoco.mjv_initGeom(arrow, shape, np.zeros(3), np.zeros(3), np.zeros(9), _THRUST_COLOUR)
-        mujoco.mjv_connector(arrow, shape, self._arrow_radius, hub, tip)
-        scene.ngeom = 1
-
-
-class _RotorGeoms:
-    """The geoms of one rotor, moved in mjData for a picture alone; the next step undoes it."""
-
-    def __init__(self, model: mujoco.MjModel, body: str) -> None:
-        self.body = model.body(body).id
-        self.ids = np.flatnonzero((model.geom_bodyid == self.body) & (model.geom_contype == 0))
-        self.positions = model.geom_pos[self.ids].copy()
-        turns = Rotation.from_quat(model.geom_quat[self.ids], scalar_first=True)
-        self.matrices = turns.as_matrix()
-
-    def place(self, data: mujoco.MjData, turn: NDArray[np.float64]) -> None:
-        """Turn the geoms by a (3, 3) rotation in the body's axes."""
-        frame = data.xmat[self.body].reshape(3, 3) @ turn
-        data.geom_xpos[self.ids] = data.xpos[self.body] + self.positions @ frame.T
-        data.geom_xmat[self.ids] = (frame @ self.matrices).reshape(-1, 9)
+        turns = (tilt * turned, Rotation.from_rotvec([0.0, tail, 0.0]))
+        for (body, geoms, positions, matrices), turn in zip(self._parts, turns):
+            frame = data.xmat[body].reshape(3, 3) @ turn.as_matrix()
+            data.geom_xpos[geoms] = data.xpos[body] + positions @ frame.T
+            data.geom_xmat[geoms] = (frame @ matrices).reshape(-1, 9)
 
 
 def seen(aircraft: Aircraft) -> LiveFlight:
-    """Return an aircraft with every part to be seen, where it is; it is shown, not flown."""
+    """Return an aircraft to be shown, not flown, with all visible parts."""
     model = aircraft.vehicle.visual_model(aircraft.ground.put_into)
-    flight = LiveFlight(model, mujoco.MjData(model), None, aircraft.vehicle.roles)
+    flight = LiveFlight(model, mujoco.MjData(model))
     _follow(flight, aircraft)
     return flight
 
 
 class Watched:
-    """Shows an aircraft in a window while a `Backend` flies it: its `on_frame` and `on_wait`."""
+    """Shows an aircraft flown by a `Backend`, through `on_frame` and `on_wait`."""
 
     def __init__(
         self,
@@ -383,26 +293,18 @@ class Watched:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Show the aircraft as it stands.
-
-        Args:
-            aircraft: that is flown.
-            flight: `seen` of it, which the window shows.
-            window: that shows it.
-            clock: s, rising.
-        """
+        """Show the aircraft in the window of a flight from `seen`."""
         self._aircraft, self._flight, self._window = aircraft, flight, window
-        self._rotors = Rotors(flight.model, flight.roles)
+        self._rotors = Rotors(flight.model)
         self._clock, self._next = clock, -np.inf
-        self._turned = self._time = 0.0
+        self._turned = 0.0
         self._show()
 
-    def on_frame(self, _frame: Frame, sensed: Sensed) -> bool:
-        """Show a picture when it is time for one; return whether the window was closed."""
+    def on_frame(self, _frame: Frame, _sensed: Sensed) -> bool:
+        """Show a picture when it is due; return whether the window was closed."""
         if self._clock() < self._next:
             return False
-        self._turned += self._aircraft.rotor_speed * max(0.0, sensed.time - self._time)
-        self._time = sensed.time
+        self._turned += self._aircraft.rotor_speed * _FRAME
         return self._show()
 
     def on_wait(self) -> bool:
@@ -414,14 +316,13 @@ class Watched:
             return True
         with self._window.lock():
             _follow(self._flight, self._aircraft)
-            self._rotors.draw(self._flight.data, self._window.user_scn, self._turned)
+            self._rotors.draw(self._flight.data, self._turned)
         self._window.sync()
         self._next = self._clock() + _FRAME
         return False
 
 
 def _follow(flight: LiveFlight, aircraft: Aircraft) -> None:
-    """Put the shown model into the state of an aircraft."""
     model, data = flight.model, flight.data
     for name in _STATE:
         setattr(data, name, getattr(aircraft.data, name))

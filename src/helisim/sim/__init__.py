@@ -2,27 +2,14 @@
 
 from helisim.sim import missions
 from helisim.sim.excitation import Excitation
-from helisim.sim.faults import (
-    ClockDrift,
-    Fault,
-    GyroDropout,
-    GyroRestart,
-    RecordGap,
-    SampleLoss,
-    SensorDropout,
-    SensorSpikes,
-    ServoStuck,
-    ServoWeak,
-    parse_fault,
-)
-from helisim.sim.flight import Flight, fly, fly_all, fly_each, fly_to, simulate
+from helisim.sim.faults import FAULTS, Fault, RecordGap, SampleLoss, ServoStuck
+from helisim.sim.flight import fly, fly_each, fly_to, simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.manoeuvres import (
     Chirp,
     Doublet,
     History,
-    Manoeuvre,
     Pulse,
     Sequence,
     Step,
@@ -37,22 +24,18 @@ from helisim.sim.recorder import End, Recorder, Trajectory
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
+    "FAULTS",
     "Chirp",
-    "ClockDrift",
     "Deck",
     "Doublet",
     "End",
     "Excitation",
     "Fault",
-    "Flight",
     "FlightEnvelope",
     "FlightPlan",
     "Ground",
     "Gust",
-    "GyroDropout",
-    "GyroRestart",
     "History",
-    "Manoeuvre",
     "Mission",
     "Multisine",
     "Pilot",
@@ -60,11 +43,8 @@ __all__ = [
     "RecordGap",
     "Recorder",
     "SampleLoss",
-    "SensorDropout",
-    "SensorSpikes",
     "Sequence",
     "ServoStuck",
-    "ServoWeak",
     "Step",
     "Sweep",
     "Swing",
@@ -73,11 +53,9 @@ __all__ = [
     "Trajectory",
     "Weather",
     "fly",
-    "fly_all",
     "fly_each",
     "fly_to",
     "missions",
-    "parse_fault",
     "read_plan",
     "simulate",
     "write_plan",

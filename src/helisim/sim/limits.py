@@ -1,20 +1,14 @@
-"""The limits of every flight: the envelope that a model is valid in, the ground, a finite state.
-
-`FlightEnvelope.end` holds them against a whole trajectory, `Limits` against many helicopters at an
-instant, `Contact` against one flight as it goes on.
-"""
+"""The limits of every flight: the model's envelope, the ground, a finite state."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError
-from helisim.base.settings import check, setting
+from helisim.base.settings import check, setting, setting_names
 from helisim.records.record import IN2, SERVOS
 from helisim.sim.ground import Ground, Outline, outline
 from helisim.sim.recorder import End, Trajectory
@@ -23,11 +17,9 @@ from helisim.vehicle.trim import root_body
 
 HARDEST_LANDING = 2.5
 """m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""
-_JUST = 0.2  # s after which a helicopter that has left the ground is in the air
-_STOP = 0.5 - 1e-9
-"""Of a stick, and of what the gyro commands, unitised; the mixing may leave it a rounding short."""
-_FULL_RATE = 0.999
-"""Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
+_STOP = 0.5 - 1e-9  # of a stick or a command, unitised; the mixing may leave it a rounding short
+_WINDOW = 10.0  # s, in which what is at its limit is added up
+_FULL_RATE = 0.999  # share of a servo's rate limit that counts as all: over a step it is a mean
 _FASTEST = 10.0  # m/s, at which a rim nears the ground: until then it isn't looked for again
 
 Flags = NDArray[np.bool_]
@@ -35,31 +27,22 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class FlightEnvelope:
-    """Limits beyond which a flight is terminated early. None, for any of them, lets it go on.
-
-    A flight without finite state, or of whose state MuJoCo warns, is terminated in any case. Limits
-    are held against what was flown, so a flight within them is the same to the bit with any others.
+    """Limits beyond which a flight is terminated early; None for any lets it go on.
 
     Attributes:
-        tilt: rad, of roll or pitch; beyond it the hover's small angles, and the pilot, are lost.
-        rate: rad/s, of any axis.
-        clearance: m, between the ground and the lowest point of landing gear and rotor discs;
-            where the plan has a ground, of the discs alone: landing gear is to touch it.
-        touchdown: m/s, at which landing gear meets a plan's ground. It stands a drop from 13
-            inches (14 CFR 27.725).
-        flapping: of the tip-path plane, in tilts at which the head's dampers bottom.
-        descent: through the air along the shaft, in induced velocities of the hover, slower than
-            one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
-            (Leishman, Principles of Helicopter Aerodynamics, chapter 2), of which the force laws
-            know the mean; at 2 the windmill state begins, which they know again: an autorotation
-            is flown without this limit, a flight that means to hover has lost it.
-        advance: ratio of the airspeed across the shaft to that of the blades' tips. Up to 0.3 the
-            reverse flow, which the force laws don't know, is small (Leishman, chapter 2).
-        saturation: s out of `saturation_window` that a stick or a command is at its stop, or
-            a servo at its rate limit. ArduPilot takes a second of full throttle for lost thrust
-            (`crash_check.cpp`).
-        saturation_window: s. A limit cycle is at its limits a quarter of the time, so a window of
-            ten seconds shows it too.
+        tilt: greatest roll or pitch angle, rad.
+        rate: greatest rate about a body axis, rad/s.
+        clearance: least height of landing gear and rotor discs, m; where a plan has a ground, of
+            the discs alone.
+        touchdown: greatest speed of the gear towards the ground as it touches, m/s.
+        flapping: greatest tilt of the disc, over that at which the head's dampers bottom.
+        descent: greatest speed down along the shaft, over the hover's induced velocity; it counts
+            while the airspeed across the shaft is below that velocity. A vortex ring is unsteady
+            from 0.7 to 2 (Leishman, chapter 2). Autorotations need None.
+        advance: greatest airspeed across the shaft, over the speed of the blades' tips. Reverse
+            flow, which the force laws don't know, is small up to 0.3 (Leishman, chapter 2).
+        saturation: longest time of any 10 s, s, that a stick or a command may be at its stop, or a
+            servo at its rate limit.
     """
 
     tilt: float | None = setting(1.2, unit="rad", above=0.0)
@@ -69,23 +52,15 @@ class FlightEnvelope:
     flapping: float | None = setting(1.0, above=0.0)
     descent: float | None = setting(2.0, above=0.0)
     advance: float | None = setting(0.3, above=0.0)
-    saturation: float | None = setting(1.0, unit="s", above=0.0)
-    saturation_window: float = setting(10.0, unit="s", above=0.0)
+    saturation: float | None = setting(1.0, unit="s", above=0.0, high=_WINDOW)
 
     def __post_init__(self) -> None:
         check(self)
-        if self.saturation is not None and self.saturation > self.saturation_window:
-            raise InputError(
-                f"envelope: saturation of {self.saturation:g} s doesn't fit into a window of "
-                f"{self.saturation_window:g} s"
-            )
 
     @classmethod
     def off(cls) -> "FlightEnvelope":
         """Return an envelope without limits; a flight still needs finite states."""
-        unlimited: dict[str, Any] = dict.fromkeys(asdict(cls()))
-        del unlimited["saturation_window"]
-        return cls(**unlimited)
+        return cls(**dict.fromkeys(setting_names(cls)))
 
     def end(self, vehicle: Vehicle, trajectory: Trajectory) -> tuple[int, str] | None:
         """Return the first sample beyond a limit and what happened there, None if there is none."""
@@ -100,31 +75,16 @@ class FlightEnvelope:
         """Raise DivergedError if a limit is exceeded."""
         found = self.end(vehicle, trajectory)
         if found is not None:
-            raise End(float(trajectory.time[found[0]]), found[1], np.empty(0)).error()
+            raise End(float(trajectory.time[found[0]]), found[1]).error()
 
     def _beyond(self, vehicle: Vehicle, flight: Trajectory) -> Iterator[tuple[str, Flags]]:
-        """Yield what each limit says where it is exceeded, and at which samples, (n_time,)."""
         limits, ground, touching = Limits(self, vehicle), flight.ground, flight.touching
-        just = round(_JUST / flight.timestep)
-
-        def rolled(there: Flags) -> bool:
-            """Return whether something was touched just before a flag goes up."""
-            first = int(np.argmax(there))
-            return bool(touching[max(0, first - just) : first + 1].any())
-
-        for name, what, beyond in limits.beyond(
-            flight.attitudes,
-            flight.rates,
-            flight.positions if ground is None else None,
-            flight.flapping,
-            flight.velocities - flight.air[:, :3],
-        ):
-            tipped = name == "tilt" and ground is not None and rolled(beyond)
-            yield what.replace("rolled or pitched", "tipped over") if tipped else what, beyond
+        positions = flight.positions if ground is None else None
+        through = flight.velocities - flight.air[:, :3]
+        motion = (flight.attitudes, flight.rates, positions, flight.flapping, through)
+        yield from ((what, beyond) for _, what, beyond in limits.beyond(*motion))
         if ground is not None and self.clearance is not None:
-            for name, struck in _strikes(limits.shape, ground, flight, self.clearance):
-                over = "tipped over and " if struck.any() and rolled(struck) else ""
-                yield f"{over}struck the ground with its {name} rotor", struck
+            yield from _strikes(limits.shape, ground, flight, self.clearance)
             if ground.deck is not None:
                 water = flight.positions - [0.0, 0.0, ground.deck.above]
                 beside = limits.shape.closer_than(0.0, water, flight.attitudes)
@@ -132,8 +92,8 @@ class FlightEnvelope:
         if ground is not None and self.touchdown is not None:
             yield from _hard_landings(limits.shape, ground, flight, self.touchdown)
         if self.saturation is not None:
-            window = f"{self.saturation:g} s of {self.saturation_window:g} s"
-            count = max(1, round(self.saturation_window / flight.timestep))
+            window = f"{self.saturation:g} s of {_WINDOW:g} s"
+            count = max(1, round(_WINDOW / flight.timestep))
             for name, at_limit in at_limits(vehicle, flight):
                 up = np.concatenate([[0], np.cumsum(at_limit & ~touching)])  # aloft
                 if up[-1] * flight.timestep > self.saturation:
@@ -143,16 +103,11 @@ class FlightEnvelope:
 
 
 class Limits:
-    """A `FlightEnvelope` for one vehicle, held against any number of samples or helicopters.
-
-    Attributes:
-        shape: what of the vehicle can touch the ground, from where positions are of.
-    """
+    """A `FlightEnvelope` for one vehicle; positions are of its IMU or, `of_origin`, its origin."""
 
     def __init__(
         self, envelope: FlightEnvelope, vehicle: Vehicle, *, of_origin: bool = False
     ) -> None:
-        """Take the limits of a vehicle, of positions of its IMU or, `of_origin`, of its origin."""
         own, shape = vehicle.parameters, outline(vehicle)
         self.shape = shape.moved(np.array(vehicle.imu_offset)) if of_origin else shape
         self._envelope, self._induced = envelope, hover_induced_velocity(vehicle)
@@ -167,61 +122,47 @@ class Limits:
         flapping: NDArray[np.float64],
         through: NDArray[np.float64],
     ) -> Iterator[tuple[str, str, Flags]]:
-        """Yield each limit's name, what it says where it is exceeded, and where that is, (n,).
+        """Yield each limit's name, text where it is exceeded, and where that is, (n_time,).
 
-        Args:
-            attitudes: (n, 3) phi, theta, psi, rad.
-            rates: (n, 3) p, q, r, rad/s.
-            positions: (n, 3) north, east, down, m, above height 0; None where no clearance counts.
-            flapping: (n, 2) rad.
-            through: (n, 3) velocity through the air, body axes, m/s.
+        Attitudes, rad, rates, rad/s, positions, m NED (None: no clearance counts), and `through`,
+        body velocity through the air, m/s, are (n_time, 3) each; flapping is (n_time, 2), rad.
         """
         limit = self._envelope
-        if limit.tilt is not None:
-            tilt = np.abs(attitudes[:, :2]).max(axis=1) > limit.tilt
-            yield "tilt", f"rolled or pitched beyond {limit.tilt:g} rad", tilt
-        if limit.rate is not None:
-            rate = np.abs(rates).max(axis=1) > limit.rate
-            yield "rate", f"turned faster than {limit.rate:g} rad/s", rate
+        across = np.hypot(through[:, 0], through[:, 1])
         if limit.clearance is not None and positions is not None:
             near = self.shape.closer_than(limit.clearance, positions, attitudes)
             low = f"came within {limit.clearance:g} m of the ground"
             yield "clearance", low if limit.clearance else "touched the ground", near
-        if limit.flapping is not None:
-            most = limit.flapping * self._flap_stop
-            flapped = np.abs(flapping).max(axis=1) > most
-            yield "flapping", f"flapped beyond {most:.3g} rad", flapped
-        across = np.hypot(through[:, 0], through[:, 1])
-        if limit.descent is not None:
-            fastest = limit.descent * self._induced
-            sinking = (through[:, 2] > fastest) & (across < self._induced)
-            yield (
+        for name, how, most, size, counts in (
+            ("tilt", "rolled or pitched beyond {} rad", 1.0, attitudes[:, :2], True),
+            ("rate", "turned faster than {} rad/s", 1.0, rates, True),
+            ("flapping", "flapped beyond {} rad", self._flap_stop, flapping, True),
+            (
                 "descent",
-                f"sank at more than {limit.descent:g} times the hover's induced velocity, "
-                f"{fastest:.3g} m/s",
-                sinking,
-            )
-        if limit.advance is not None:
-            fast = across > limit.advance * self._tip
-            yield "advance", f"flew beyond an advance ratio of {limit.advance:g}", fast
+                "sank at more than {0} m/s, {1:g} times the hover's induced velocity",
+                self._induced,
+                np.maximum(through[:, 2:], 0.0),
+                across < self._induced,
+            ),
+            ("advance", "flew beyond an advance ratio of {}", self._tip, across[:, None], True),
+        ):
+            if (own := getattr(limit, name)) is not None:
+                shown = own if name == "advance" else own * most
+                beyond = (np.abs(size).max(axis=1) > own * most) & counts
+                yield name, how.format(f"{shown:.3g}", own), beyond
 
 
 class Contact:
-    """Finds the end of a flight over a ground as it goes on: a rotor's strike or a hard landing.
-
-    For flights that a hand or an autopilot's frames command: ask `found` after each step or frame.
-    It looks where the rotors are as seldom as their clearance allows.
-    """
+    """Finds the end of a flight over a ground as it goes on: a rotor's strike or a hard landing."""
 
     def __init__(self, vehicle: Vehicle, ground: Ground) -> None:
-        """Take the shape of a vehicle and the ground below it."""
         shape = outline(vehicle)
         self._ground, self._gear, self._radii = ground, shape.points, shape.radii
         self._rims = dict(shape.rims())
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was: a new flight begins."""
+        """Begin a new flight."""
         self._next, self._touched = 0.0, False
         self._seen: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
 
@@ -239,13 +180,9 @@ class Contact:
         turn: NDArray[np.float64],
         touches: bool,
     ) -> str:
-        """Return why the flight ends now, "" if it goes on.
+        """Return why the flight ends now, "" if it goes on; the time is in s.
 
-        Args:
-            time: s.
-            position: (3,) of the IMU, north, east, down, m.
-            turn: (3, 3) rotation from body (FRD) to earth (NED) axes.
-            touches: whether anything touches the ground.
+        The position of the IMU, (3,) m, is north, east, down; `turn`, (3, 3), from FRD to NED axes.
         """
         before, self._seen = self._seen, [*self._seen[-1:], (time, position, turn)]
         first, self._touched = touches and not self._touched, touches
@@ -261,9 +198,8 @@ class Contact:
             for name, rim in self._rims.items()
         }
         self._next = time + min(clear.values()) / _FASTEST
-        return next(
-            (f"the {name} rotor struck the ground" for name in clear if clear[name] < 0), ""
-        )
+        struck = [name for name, above in clear.items() if above < 0]
+        return f"the {struck[0]} rotor struck the ground" if struck else ""
 
     def _heights(
         self,
@@ -272,7 +208,6 @@ class Contact:
         turn: NDArray[np.float64],
         points: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return how high points (n, 3) from the IMU, body axes, are above the ground, (n,)."""
         return self._ground.heights(np.array([time]), (position + points @ turn.T)[None])[0]
 
 
@@ -284,10 +219,7 @@ def broken(data: mujoco.MjData) -> bool:
 def point_heights(
     ground: Ground, trajectory: Trajectory, points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how high points of the vehicle are above what is below, (n_time, n_point), m.
-
-    Points are (n_point, 3) from the vehicle's IMU, m, body axes.
-    """
+    """Return how high points (n_point, 3) from the IMU, m, are above the ground, (n, n_point)."""
     turned = np.einsum("tij,nj->tni", trajectory.earth.as_matrix(), points)
     return ground.heights(trajectory.time, trajectory.positions[:, None] + turned)
 
@@ -295,29 +227,19 @@ def point_heights(
 def _strikes(
     shape: Outline, ground: Ground, trajectory: Trajectory, least: float
 ) -> Iterator[tuple[str, Flags]]:
-    """Yield each rotor's name and where its disc is nearer than `least`, m, (n_time,)."""
-    imu = ground.heights(trajectory.time, trajectory.positions[:, None])[:, 0]
-    low = imu < least + shape.reach
-    for name, rim in shape.rims() if low.any() else ():
-        near = np.zeros_like(low)
-        near[low] = point_heights(ground, trajectory.rows(low), rim).min(axis=1) < least
-        yield name, near
+    for name, rim in shape.rims():
+        near = point_heights(ground, trajectory, rim).min(axis=1) < least
+        yield f"struck the ground with its {name} rotor", near
 
 
 def _hard_landings(
     shape: Outline, ground: Ground, trajectory: Trajectory, limit: float
 ) -> Iterator[tuple[str, Flags]]:
-    """Yield what the first touch-down is that is faster than a limit, m/s, and from where on.
-
-    The speed is that at which the lowest point of the landing gear came down on the ground, a
-    deck's own motion counted.
-    """
     touches = trajectory.touching
     starts = np.flatnonzero(touches[1:] & ~touches[:-1]) + 1
+    gear = (point_heights(ground, trajectory, shape.points) - shape.radii).min(axis=1)
     for start in starts[starts >= 2]:
-        near = trajectory.rows(slice(start - 2, start))
-        gear = (point_heights(ground, near, shape.points) - shape.radii).min(axis=1)
-        speed = float(gear[0] - gear[1]) / trajectory.timestep
+        speed = float(gear[start - 2] - gear[start - 1]) / trajectory.timestep
         if speed > limit:
             yield f"hit the ground at {speed:.1f} m/s", np.arange(touches.size) >= start
             return
@@ -334,9 +256,8 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
 def at_limits(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, Flags]]:
     """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
     commands = dict(zip(IN2, trajectory.sticks.T)) | {"ped": trajectory.servo_commands[:, 3]}
-    plate, swash = trajectory.swashplate, trajectory.servo_commands[:, :3]
-    if np.abs(swash).max() >= plate.least_travel(_STOP):
-        _, commands["lon"], commands["lat"] = plate.unmix(*swash.T)
+    swash = trajectory.servo_commands[:, :3]
+    _, commands["lon"], commands["lat"] = trajectory.swashplate.unmix(*swash.T)
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP
     limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * trajectory.timestep

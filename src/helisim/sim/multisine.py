@@ -1,19 +1,14 @@
-"""Multisines: sums of sines of low peak, on several axes at once and yet told apart.
+"""Multisines: sums of sines of low peak, orthogonal between axes over every whole period.
 
-Each axis has every n-th harmonic of one period, so the inputs are orthogonal over every whole
-period (Morelli, Flight Test Maneuvers for Efficient Aerodynamic Modeling, Journal of Aircraft 49,
-2012). The phases are Schroeder's (IEEE Transactions on Information Theory 16, 1970), which make
-something like a linear sweep; or scattered ones, clipped again and again until the peak is low (Van
-der Ouderaa, Schoukens and Renneboog, IEEE Transactions on Instrumentation and Measurement 37,
-1988), which excite all frequencies all the time, so that every window of an estimate sees the axes
-move independently.
+Each axis has every n-th harmonic of one period (Morelli, Journal of Aircraft 49, 2012), with phases
+clipped to a low peak (Van der Ouderaa, Schoukens and Renneboog, IEEE TIM 37, 1988).
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,20 +31,11 @@ _DIGITS = 6  # Of phases, rad, so that another FFT's rounding leaves the same si
 class Multisine(Timed):
     """Sines at harmonics of one period, all axes at once, orthogonal over each whole period.
 
-    Attributes:
-        axis: one or several, joined as "lat+ped".
-        duration: s, of the whole flight: trimmed stretches and as many whole periods as fit.
-        amplitude: the peak, unitised, of sensors rad/s; one for all axes or one each; of sticks
-            the vehicle's own if None.
-        band: w_min, w_max in rad/s for all axes, or a pair for each, one after the other; the
-            vehicle's own if None.
-        period: s; a whole number of the gyro's periods. An axis has every n-th harmonic of it,
-            n the number of axes.
-        slope: of the power over frequency: 0 is flat, 1 the same in each octave.
-        corner: rad/s, below which the power is flat whatever the slope; 0 for none.
-        phases: "low_peak", or "schroeder".
-        trim_time: s of trimmed flight before, and again after.
-        at: "sticks", "servos", "actuators" or "sensors".
+    The amplitude is the peak, unitised; of sensors, in rad/s of a rate and rad of an attitude. The
+    band is w_min and w_max in rad/s. Each is given once for all axes, or for one axis after the
+    other; None is the vehicle's own. `period`, s, is a whole number of the gyro's periods. The
+    power falls with frequency to the power of `slope` (0: flat, 1: as much in each octave) above
+    `corner`, rad/s.
     """
 
     axis: str = "+".join(AXES)
@@ -59,7 +45,6 @@ class Multisine(Timed):
     period: float = 60.0
     slope: float = setting(0.0, low=-8.0, high=8.0)
     corner: float = setting(0.0, unit="rad/s", low=0.0, unsaid=True)
-    phases: Literal["low_peak", "schroeder"] = "low_peak"
     trim_time: float = 3.0
 
     left_open: ClassVar[tuple[str, ...]] = ("amplitude", "band")
@@ -89,10 +74,7 @@ class Multisine(Timed):
                 )
 
     def on(self, own: Mapping[str, float]) -> "Multisine":
-        """Return it with what is left open filled in by a vehicle's own parameters.
-
-        Raises InputError: it is faster than the gyro, or its period isn't a whole number of ticks.
-        """
+        """Return it complete by a vehicle's own. Raises InputError: too fast, or odd period."""
         ticks = self.period / own["gyro.period"]
         if abs(ticks - round(ticks)) > TICK_TOLERANCE * ticks:
             nearest = round(ticks) * own["gyro.period"]
@@ -104,7 +86,7 @@ class Multisine(Timed):
 
     @property
     def periods(self) -> int:
-        """How many whole periods are flown."""
+        """The number of whole periods that are flown."""
         return math.floor((self.duration - 2.0 * self.trim_time) / self.period + 1e-9)
 
     @property
@@ -118,12 +100,6 @@ class Multisine(Timed):
             numbers = np.arange(max(first, 1), last + 1)
             found[axis] = numbers[numbers % count == (k + 1) % count]
         return found
-
-    @property
-    def frequencies(self) -> dict[str, NDArray[np.float64]]:
-        """The frequencies of each axis, rad/s. Raises InputError."""
-        per_number = 2.0 * math.pi / self.period
-        return {axis: per_number * k.astype(np.float64) for axis, k in self.harmonics.items()}
 
     @property
     def relative_peak_factor(self) -> dict[str, float]:
@@ -147,7 +123,6 @@ class Multisine(Timed):
         return tuple(np.ravel(each).tolist())
 
     def _each(self, given: float | tuple[float, ...], count: int) -> list[tuple[float, ...]]:
-        """Return so many numbers for each axis."""
         numbers = given if isinstance(given, tuple) else (given,)
         numbers = numbers * len(self.axes) if len(numbers) == count else numbers
         return [numbers[k : k + count] for k in range(0, len(numbers), count)]
@@ -155,7 +130,7 @@ class Multisine(Timed):
     def _designs(self) -> dict[str, "Design"]:
         corner = self.corner * self.period / (2.0 * math.pi)
         return {
-            axis: design(tuple(numbers.tolist()), self.slope, self.phases, corner)
+            axis: design(tuple(numbers.tolist()), self.slope, corner)
             for axis, numbers in self.harmonics.items()
         }
 
@@ -164,54 +139,33 @@ class Multisine(Timed):
 class Design:
     """A multisine of one axis, of peak 1, beginning and ending at zero.
 
-    Attributes:
-        numbers: (n_harmonic,) oscillations a period.
-        height: (n_harmonic,) of each cosine.
-        phase: (n_harmonic,) rad, of each cosine at the beginning.
-        relative_peak_factor: (max - min) / (2 sqrt(2) rms).
-        crest_factor: largest |value| over rms.
+    Its cosines have numbers of oscillations a period, heights, and phases at the beginning, rad,
+    (n_harmonic,) each.
     """
 
     numbers: NDArray[np.int64]
     height: NDArray[np.float64]
     phase: NDArray[np.float64]
     relative_peak_factor: float
-    crest_factor: float
 
 
 @lru_cache(maxsize=64)
-def design(numbers: tuple[int, ...], slope: float, phases: str, corner: float = 0.0) -> Design:
-    """Return the multisine of these harmonics, rising: oscillations a period.
-
-    Power goes as frequency to the minus `slope`; it is flat below the corner, in the same unit.
-    """
+def design(numbers: tuple[int, ...], slope: float, corner: float = 0.0) -> Design:
+    """Return the multisine of harmonics; its power goes as 1/frequency^slope above the corner."""
     k = np.array(numbers)
     height = np.hypot(k, corner) ** (-0.5 * slope)
     height /= np.sqrt(0.5 * np.sum(height**2))
-    phase = schroeder_phases(height**2)
-    if phases == "low_peak" and k.size > 2:
-        scattered = np.random.default_rng(k).uniform(0.0, 2.0 * np.pi, k.size)
-        phase = _clipped(k, height, scattered)
+    scattered = np.random.default_rng(k).uniform(0.0, 2.0 * np.pi, k.size)
+    phase = _clipped(k, height, scattered)
     phase = np.round(_from_zero(k, height, phase), _DIGITS)
     signal = _signal(k, height, phase)
     high, low = _summit(signal), -_summit(-signal)
-    peak = max(high, -low)
-    return Design(k, height / peak, phase, (high - low) / (2.0 * math.sqrt(2.0)), peak)
-
-
-def schroeder_phases(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Schroeder's phases, rad, for the power of each harmonic, (n_harmonic,).
-
-    phase_k = -2 pi sum over l < k of (k - l) p_l, with the powers p summing to 1.
-    """
-    before = np.concatenate([[0.0], np.cumsum(power / np.sum(power))[:-1]])
-    return -2.0 * np.pi * np.cumsum(before)
+    return Design(k, height / max(high, -low), phase, (high - low) / (2.0 * math.sqrt(2.0)))
 
 
 def _signal(
     numbers: NDArray[np.int64], height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return one period of a sum of cosines, (n_sample,)."""
     count = 1 << math.ceil(math.log2(_OVERSAMPLED * int(numbers[-1])))
     spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
     spectrum[numbers] = 0.5 * count * height * np.exp(1j * phase)
@@ -221,7 +175,6 @@ def _signal(
 def _clipped(
     numbers: NDArray[np.int64], height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return phases of a lower peak: clip, keep the phases that come of it, and again."""
     best, least = phase, np.inf
     for level in np.linspace(*_LEVELS, _CLIPPINGS):
         signal = _signal(numbers, height, phase)
@@ -236,7 +189,6 @@ def _clipped(
 def _from_zero(
     numbers: NDArray[np.int64], height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the phases of the same signal when it begins as it rises through zero."""
     signal = _signal(numbers, height, phase)
     after = np.roll(signal, -1)
     k = int(np.argmax((signal <= 0.0) & (after > 0.0)))
@@ -248,7 +200,6 @@ def _from_zero(
 
 
 def _summit(signal: NDArray[np.float64]) -> float:
-    """Return the greatest value of a periodic signal, between its samples too (parabolas)."""
     left, right = np.roll(signal, 1), np.roll(signal, -1)
     top = (signal >= left) & (signal > right)
     rise, bend = (right - left)[top], (2.0 * signal - left - right)[top]

@@ -5,31 +5,22 @@ A plan file is TOML; every key but the excitation, or a mission, is optional:
     [excitation]
     kind = "Sweep"
     axis = "lat"
-    duration = 90.0
 
     [weather]
     wind = 4.0
-    turbulence = "light"
-
-    [ground]
-    slope = 0.1
 
     [envelope]
-    tilt = 0.8
     descent = "off"
 
     [[faults]]
-    kind = "ServoWeak"
+    kind = "ServoStuck"
     servo = "servo_tail"
     at = 30.0
-    rate_limit = 1.0
-
-Faults may stand as on the command line too: `faults = ["servo_tail:weak@30,rate_limit=1"]`.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -54,10 +45,9 @@ from helisim.base.settings import (
 from helisim.physics.layout import PARAM
 from helisim.records.record import FlightRecord
 from helisim.sim.excitation import Excitation, check_excitation
-from helisim.sim.faults import Fault, FlightFault, check_faults, parse_fault
+from helisim.sim.faults import Fault, check_faults
 from helisim.sim.ground import Ground
 from helisim.sim.limits import FlightEnvelope
-from helisim.sim.manoeuvres import Manoeuvre
 from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
@@ -74,12 +64,10 @@ def hover_height(model: mujoco.MjModel) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Pilot:
-    """A pilot who holds the hover at the place where the flight starts.
+    """A pilot who holds the place of the start, with a remnant: small random stick movements.
 
-    Attributes:
-        remnant: its level: rms of the stick movement that no purpose explains, unitised, each
-            axis.
-        remnant_interval: s between its knots; it is flat up to about 1/interval rad/s.
+    `remnant` is their rms at each stick, unitised. Their spectrum is flat up to about
+    1/`remnant_interval` in rad/s, an interval in s.
     """
 
     remnant: float = setting(0.003, low=0.0, high=0.5)
@@ -104,23 +92,11 @@ class Pilot:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightPlan(Displayed):
-    """All that a flight is flown with, beside the vehicle and the seed.
+    """All that a flight is flown with, beside the vehicle and the seed. Raises InputError.
 
-    Plans are values: equal plans are one in a set, and have one `digest`.
-
-    Attributes:
-        excitation: what is flown on purpose, such as a `Sweep`; None where a mission is flown, or
-            what is flown on top of it, from its start.
-        mission: a flight by a script, such as `missions.Forward()`, in place of holding the hover.
-        pilot: who flies.
-        recorder: the flight computer; the vehicle's own if None.
-        weather: that is flown through; each flight has its own turbulence.
-        ground: to land on; None: the flight is in the air alone.
-        envelope: limits beyond which a flight is terminated early.
-        faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
-
-    Raises:
-        InputError: a part is of another kind, or a fault can't be in this flight.
+    A mission replaces holding the hover. The recorder is the vehicle's own if None. Without a
+    ground the flight is in the air alone, and ends at height 0. Faults of the recorder act on the
+    record one after the other.
     """
 
     excitation: Excitation | None = setting(None, unsaid=True)
@@ -139,16 +115,16 @@ class FlightPlan(Displayed):
             check_mission(self.mission)
             if self.ground is None:
                 object.__setattr__(self, "ground", self.mission.ground)
+        check(self, "plan")
         object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.duration)
-        check(self, "plan")
 
     def __repr__(self) -> str:
         return in_brief(self)
 
     @property
     def name(self) -> str:
-        """What its records are named after: the mission, the excitation's axis, or both."""
+        """The name of its records: the mission, the excitation's axis, or both."""
         named = [] if self.mission is None else [self.mission.name]
         return "_".join(named if self.excitation is None else [*named, self.excitation.axis])
 
@@ -159,19 +135,9 @@ class FlightPlan(Displayed):
         assert flown is not None
         return flown.duration
 
-    @property
-    def written(self) -> bool:
-        """Whether its settings are plain data, which a file can hold."""
-        return self.excitation is None or self.excitation.written
-
-    @property
-    def flight_faults(self) -> tuple[FlightFault, ...]:
-        """The faults of servos and gyro, without the recorder's."""
-        return tuple(fault for fault in self.faults if isinstance(fault, FlightFault))
-
     @cached_property
     def digest(self) -> str:
-        """Digest of every setting: equal plans have one, and hardly two others the same."""
+        """Digest of every setting: equal plans have one."""
         text = json.dumps(_as_floats(self.to_dict()), sort_keys=True)
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
@@ -183,99 +149,54 @@ class FlightPlan(Displayed):
         return replace(self, excitation=complete, recorder=recorder)
 
     def to_dict(self, *, toml: bool = False) -> dict[str, Any]:
-        """Return the plan as data of JSON or TOML, of which `from_dict` makes an equal plan.
-
-        Raises:
-            InputError: the manoeuvre is a function, which `on` samples first.
-        """
-        if not self.written:
-            raise InputError(
-                "a function of time can't be written down: the plan's on(vehicle) samples it"
-            )
+        """Return the plan as data of JSON or TOML, of which `from_dict` makes an equal plan."""
         return to_plain(self, toml=toml)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "FlightPlan":
-        """Return the plan that plain data describe, of `to_dict` or a plan file.
-
-        Raises:
-            InputError: there is no excitation, or something isn't known or can't be.
-        """
+        """Return the plan of `to_dict`'s data or a plan file's. Raises InputError."""
         given = dict(data)
-        flown = given.get("excitation") is not None or given.get("mission") is not None
-        if not flown and set(given) <= set(setting_names(cls)):
-            raise InputError(
-                'a flight plan needs an excitation, such as excitation = {kind = "Sweep", '
-                'axis = "lat"}, or a mission, such as mission = {kind = "Forward"}'
-            )
         if isinstance(recorder := given.get("recorder"), Mapping) and "latency" not in recorder:
             given["recorder"] = {**recorder, "latency": None}  # the vehicle's own
-        if isinstance(faults := given.get("faults"), list | tuple):
-            given["faults"] = [parse_fault(o) if isinstance(o, str) else o for o in faults]
         return from_plain(cls, given, "plan")
 
     @classmethod
     def of_record(cls, record: FlightRecord) -> "FlightPlan":
-        """Return the plan that a record was flown by, as its provenance has it.
-
-        Raises:
-            InputError: it wasn't flown by helisim, or its plan can't be flown any more.
-        """
+        """Return the plan in a record's provenance. Raises InputError: it can't be flown."""
         kept = dict(record.provenance)
         if "excitation" not in kept and "mission" not in kept:
             raise InputError("the record's provenance has no flight plan: helisim didn't fly it")
-        if "watch" in kept:  # of records that name no plan_digest
-            kept["envelope"] = kept.pop("watch")
         plan = {name: kept[name] for name in setting_names(cls) if name in kept}
-        if "weather" in plan:
-            plan["weather"] = {k: v for k, v in plan["weather"].items() if k != "dryden"}
         return cls.from_dict(plan)
 
     def to_toml(self) -> str:
-        """Return the plan as the text of a plan file; errors as for `to_dict`."""
+        """Return the plan as the text of a plan file."""
         tables = self.to_dict(toml=True)
         return toml_text(tables if self.faults else {**tables, "faults": None})
 
-    def in_words(self) -> tuple[tuple[str, str], ...]:
-        """Return each part's name, and the part in brief: its settings that aren't the defaults."""
-        parts = {one.name: getattr(self, one.name) for one in fields(self)}
-        faults = "; ".join(map(in_brief, parts.pop("faults"))) or "none"
-        said = [(name, in_brief(part)) for name, part in parts.items() if part is not None]
-        own = [("recorder", "the vehicle's own")] if self.recorder is None else []
-        return (*said, *own, ("faults", faults))
-
     def __str__(self) -> str:
-        lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
-        title = f"flight plan {self.digest[:8]}" if self.written else "flight plan"
-        return "\n".join([title, *lines])
+        """Return each part, and its settings that aren't the defaults."""
+        parts = {one.name: getattr(self, one.name) for one in fields(self)}
+        said = {name: in_brief(part) for name, part in parts.items() if part is not None}
+        said["recorder"] = said.get("recorder", "the vehicle's own")
+        said["faults"] = "; ".join(map(in_brief, self.faults)) or "none"
+        lines = [f"  {name:<12}{words}" for name, words in said.items()]
+        return "\n".join([f"flight plan {self.digest[:8]}", *lines])
 
 
-Flyable = FlightPlan | Excitation | Mission | Callable[[float], Any]
-"""What can be flown: a plan, a bare manoeuvre or mission, or a bare function of time."""
+Flyable = FlightPlan | Excitation | Mission
 
 
 def as_plan(flown: Flyable) -> FlightPlan:
-    """Return a plan as it is, and a bare manoeuvre or mission as a plan with all else default.
-
-    A function of time in s gives what is added to the four sticks COL, LON, LAT and PED, for
-    10 s; `Manoeuvre` says which and for how long.
-    """
+    """Return a plan as it is, a bare manoeuvre or mission as a plan with all else default."""
     if isinstance(flown, FlightPlan):
         return flown
-    if isinstance(flown, Mission):
-        return FlightPlan(mission=flown)
-    if not isinstance(flown, Excitation) and callable(flown) and not isinstance(flown, type):
-        flown = Manoeuvre(flown)
-    return FlightPlan(excitation=flown)  # pyright: ignore[reportArgumentType]
+    mission = isinstance(flown, Mission)
+    return FlightPlan(mission=flown) if mission else FlightPlan(excitation=flown)
 
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:
-    """Read a plan file (TOML); see `helisim.sim.plan` for one.
-
-    Raises:
-        StorageError: the file can't be read, or isn't TOML.
-        InputError: something in it isn't known or can't be; the message names the file.
-    """
+    """Read a plan file (TOML); see `helisim.sim.plan`. Raises StorageError or InputError."""
     content = read_toml(path)
     try:
         return FlightPlan.from_dict(content)
@@ -290,7 +211,6 @@ def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
 
 
 def _as_floats(data: Any) -> Any:
-    """Return data whose numbers are all floats, as equal numbers have to look alike."""
     if isinstance(data, dict):
         return {key: _as_floats(value) for key, value in data.items()}
     if isinstance(data, list):

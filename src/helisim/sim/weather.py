@@ -19,8 +19,7 @@ LEVELS = {
     "light": 15.0 * METRE_S_PER_KNOT,
     "moderate": 30.0 * METRE_S_PER_KNOT,
     "severe": 45.0 * METRE_S_PER_KNOT,
-}
-"""Turbulence by name: wind at 20 ft above the ground, m/s (MIL-F-8785C, section 3.7.3)."""
+}  # wind at 20 ft above the ground, m/s (MIL-F-8785C, section 3.7.3)
 _LOWEST, _HIGHEST = 10.0 * METRE_PER_FOOT, 1000.0 * METRE_PER_FOOT  # m, of the low-altitude model
 _STATES = 8
 _STILL = 1e-6  # m/s: less wind is calm air
@@ -31,16 +30,8 @@ _STORM = 150.0  # m/s: the strongest winds of tornadoes; the filters' numbers st
 class Gust:
     """A discrete "1 - cosine" gust (MIL-F-8785C, section 3.7.1.3).
 
-    The air's velocity grows from nothing in `rise` seconds, stays, and goes as it came. The
-    standard gives the rise as a length: it is that length over the airspeed.
-
-    Attributes:
-        north: m/s at full strength, towards north.
-        east: m/s towards east.
-        down: m/s downwards.
-        start: s.
-        rise: s.
-        hold: s; in the standard it stays for good: give more than the flight lasts.
+    `north`, `east` and `down` are the air's velocity at full strength, m/s. It begins at `start`,
+    s, grows for `rise`, s, stays for `hold`, s, and dies as it grew.
     """
 
     north: float = setting(0.0, unit="m/s")
@@ -56,16 +47,9 @@ class Gust:
 
 @dataclass(frozen=True)
 class Dryden:
-    """The parameters of MIL-F-8785C's Dryden model: rms, scale lengths, and a speed.
+    """MIL-F-8785C's low-altitude Dryden model; rms, m/s, and lengths, m, are along, across, down.
 
-    Low-altitude model. MIL-HDBK-1797's differs by name only here: its L_v and L_w are half as
-    long, and its formulas have 2 L_v and 2 L_w.
-
-    Attributes:
-        rms: m/s, along the path, across it and down.
-        lengths: m, likewise.
-        speed: m/s, at which the frozen field drifts past.
-        heading: rad, of the path through the air.
+    The frozen field drifts past at a speed, m/s; the heading, rad, is the path's through the air.
     """
 
     rms: tuple[float, float, float]
@@ -78,10 +62,7 @@ class Dryden:
         return np.array([*self.lengths, 4.0 * span / math.pi]) / self.speed
 
     def levels(self, span: float) -> NDArray[np.float64]:
-        """Return the rms, (4,), that the noise of u, v, w, p would give a single lag.
-
-        Two lags with their lead let twice the power of one through.
-        """
+        """Return the rms, (4,), that the noise of u, v, w, p would give a single lag."""
         along, across, down = self.rms
         length = self.lengths[2]
         power = 0.1 * math.pi**2 / (span * length) * (0.25 * math.pi * length / span) ** (1 / 3)
@@ -101,33 +82,16 @@ class Dryden:
         b = np.column_stack([rates(np.zeros(_STATES), unit) for unit in np.eye(4)])
         return a, b * self.levels(span) * np.sqrt(2.0 * lags)
 
-    def start(self, span: float, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return a sample of the filters' stationary distribution, (8,).
-
-        So the air is as rough in a flight's first second as in its last.
-        """
-        a, b = self.filters(span)
-        covariance = solve_continuous_lyapunov(a, -b @ b.T)
-        return np.linalg.cholesky(covariance) @ rng.standard_normal(_STATES)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Weather:
     """Wind, turbulence and a gust, steady wind everywhere the same.
 
-    Attributes:
-        wind: m/s, steady and level.
-        wind_from: rad, heading that the wind comes from; flights head north, so 0 is a
-            headwind and pi/2 comes from the right.
-        turbulence: "light", "moderate" or "severe", or the wind at 20 ft above the ground that
-            makes it, m/s; none if None or 0.
-        rms: m/s, along the path, across and down, in place of the standard's for `turbulence`.
-        drift: m/s, at which the frozen field drifts past the vehicle. If None it is the speed
-            through the air, but not below the wind at 20 ft that makes the turbulence: what a
-            hovering vehicle meets in that wind, whether or not `wind` has it blow.
-        gust: a discrete gust.
-        height: m above the ground, where the flight is and the turbulence is as given; 20 m are
-            out of the ground's effect, with room for a heave sweep.
+    `wind_from` is the heading, rad, that the wind comes from; flights head north, so 0 is a
+    headwind. `turbulence` is "light", "moderate", "severe" or the wind at 20 ft that makes it, m/s.
+    `rms`, m/s, along the path, across and down, replaces the standard's. `drift`, m/s, moves the
+    frozen field past the vehicle; None: the speed through the air, but not below the wind at 20 ft.
+    `height`, m, is that above the ground.
     """
 
     wind: float = setting(0.0, unit="m/s", low=0.0)
@@ -185,11 +149,7 @@ class Weather:
         )
 
     def trimmed(self, vehicle: Vehicle) -> Vehicle:
-        """Return a vehicle trimmed for the steady wind, and for the ground if it is felt.
-
-        Raises:
-            TrimError: it can't hover in this wind.
-        """
+        """Return a vehicle trimmed for the wind, and the ground if it is felt. Raises TrimError."""
         par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
         if self.wind == 0.0 and par[PARAM.ground_effect] == 0.0:
             return vehicle
@@ -211,7 +171,9 @@ class Weather:
         par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = dryden.lags(span)
 
     def start(self, vehicle: Vehicle, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return states in which the turbulence may be when a flight starts, (8,)."""
+        """Return a random stationary state of the turbulence, (8,)."""
         if self.dryden is None:
             return np.zeros(_STATES)
-        return self.dryden.start(2.0 * vehicle.parameters["main_rotor.radius"], rng)
+        a, b = self.dryden.filters(2.0 * vehicle.parameters["main_rotor.radius"])
+        covariance = solve_continuous_lyapunov(a, -b @ b.T)
+        return np.linalg.cholesky(covariance) @ rng.standard_normal(_STATES)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from textwrap import wrap
 
@@ -10,103 +10,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.files import atomic_write, read_text
+from helisim.base.files import atomic_write
 from helisim.base.linear import Linear
 from helisim.base.settings import FrozenMap
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
+from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.records.record import IN1
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import (
     CYCLIC,
     FULL_CYCLIC,
-    H3_140,
-    MIXED_1_TO_1,
     ROTOR_FUNCTION,
-    Controls,
     Mixer,
     Output,
     Outputs,
+    command_scale,
 )
 from helisim.vehicle import Vehicle, load
 
-_LONGEST_NAME = 16
-_WIDTH = 90
-"""Of a line: ArduPilot reads 98 characters, and takes what follows for the next line."""
+_WIDTH = 90  # Characters of a line; ArduPilot reads 98
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One parameter.
-
-    Attributes:
-        name: ArduPilot's.
-        value: in its unit there.
-        why: what it follows from; "" where it goes with the one before.
-
-    Raises:
-        InputError: it is no name of a parameter, or no finite number.
-    """
+    """One parameter, in ArduPilot's name and unit. Raises InputError for no finite number."""
 
     name: str
     value: float
     why: str = ""
 
     def __post_init__(self) -> None:
-        own = self.name.replace("_", "")
-        known = own.isascii() and own.isalnum() and own == own.upper() and own[0].isalpha()
-        if not (own and known and len(self.name) <= _LONGEST_NAME):
-            raise InputError(
-                f"{self.name!r:.40} is no parameter of ArduPilot: expected up to {_LONGEST_NAME} "
-                "capitals, digits and underscores"
-            )
         if not math.isfinite(self.value):
             raise InputError(f"{self.name} must be a finite number, got {self.value!r}")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class AutopilotParameters:
-    """What an autopilot is set to, in groups, and what is left to be found otherwise.
-
-    Attributes:
-        title: what flies with them, and what they were made from.
-        groups: heading -> its settings, in order.
-        remarks: what could not be derived, and what was left out on purpose.
-
-    Raises:
-        InputError: a parameter is set twice.
-    """
+    """Settings of an autopilot by heading, and remarks on what they lack."""
 
     title: str
-    groups: Mapping[str, tuple[Setting, ...]]
-    remarks: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[Setting, ...]] = field(repr=False)
+    remarks: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         groups = {heading: tuple(some) for heading, some in self.groups.items()}
         object.__setattr__(self, "groups", FrozenMap(groups))
         object.__setattr__(self, "remarks", tuple(self.remarks))
-        names = [one.name for one in self.settings]
-        twice = [name for k, name in enumerate(names) if name in names[:k]]
-        if twice:
-            raise InputError(f"{twice[0]} is set twice")
-
-    def __repr__(self) -> str:
-        return f"AutopilotParameters({self.title.partition(';')[0]!r:.60}, {len(self.settings)})"
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """All of them, in the order of the file."""
+        """All of them, in the file's order."""
         return tuple(one for some in self.groups.values() for one in some)
 
     @property
     def values(self) -> dict[str, float]:
-        """Value by name, as the file has it: of six digits."""
+        """Value by name, rounded to the file's six digits."""
         return {one.name: float(_number(one.value)) for one in self.settings}
 
     @property
     def text(self) -> str:
-        """The file, which ArduPilot and ground stations read: name and value, or # a comment."""
+        """The file's text: name and value, or # a comment."""
         lines = [*_comment(self.title), "#"]
         lines += [line for remark in self.remarks for line in _comment(remark)]
         for heading, some in self.groups.items():
@@ -122,34 +87,6 @@ class AutopilotParameters:
             temporary.write_text(self.text, encoding="utf-8")
 
 
-def read_parameters(path: str | PathLike[str]) -> dict[str, float]:
-    """Return the values of a .parm file by name, as ArduPilot and ground stations write it.
-
-    Args:
-        path: of lines NAME VALUE or NAME,VALUE; from # on they are comments.
-
-    Raises:
-        StorageError: it can't be read.
-        InputError: a line is neither; the message says which.
-    """
-    found: dict[str, float] = {}
-    for number, line in enumerate(read_text(path).splitlines(), 1):
-        parts = line.partition("#")[0].replace(",", " ").replace("=", " ").split()
-        if not parts:
-            continue
-        try:
-            name, value = parts[:2]
-            found[name] = Setting(name, float(value)).value
-        except (ValueError, InputError):
-            raise InputError(
-                f"{path}:{number}: {line.strip()!r:.60} is no parameter: expected NAME VALUE, "
-                "such as ATC_RAT_RLL_P 0.02"
-            ) from None
-    if not found:
-        raise InputError(f"{path}: no parameter is in it; expected lines NAME VALUE")
-    return found
-
-
 def _comment(text: str) -> Iterable[str]:
     return wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="#   ")
 
@@ -158,36 +95,24 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-_RANGE = 0.5
-"""Of the sticks, to each side, in the unit of col and cyclic."""
-_HALF = 500.0
-"""us, by which a servo's output goes to each side where nothing else is known."""
-_SPOOL_UP = 12.0
-"""s, of a rotor without numbers of a motor; see `helisim.sitl.aircraft`."""
-_LANDED = -2.0
-"""deg, of the blades: at least that low the collective goes."""
-_ASIDE = 40.0
-"""us, by which the tail's trim is aside of its hover's pulse: 0.08 of full yaw."""
+_RANGE = 0.5  # Of the sticks, to each side, in the unit of col and cyclic
+_HALF = 500.0  # us, a servo's travel to each side by default
+_SPOOL_UP = 12.0  # s, without a motor's numbers, as in `helisim.sitl.aircraft`
+_LANDED = -2.0  # deg, blade pitch to which the collective goes down at least
+_ASIDE = 40.0  # us, of the tail's trim from its hover pulse: 0.08 of full yaw
 _SAME = 1e-6
 Group = tuple[Setting, ...]
 
 
 def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
-    """Return the swashplate's settings, and what they can't say of it.
-
-    Raises:
-        InputError: a servo needs a pulse that ArduPilot does not send.
-    """
+    """Return the swashplate's settings, and remarks; InputError if ArduPilot can't send a pulse."""
     plate = vehicle.swashplate
     columns = np.array(plate.mix(*np.eye(3)))  # rows: servos; columns: col, lon, lat
     signs = np.sign(columns[:, 0])
     rows = signs[:, None] * columns[:, 1:]
     each = (outputs.front, outputs.left, outputs.right)
-    order, sense = _h3_140(rows) or ([0, 1, 2], 1.0)
-    mixed = _h3_140(rows) is not None
-    arms = np.ones(3) if mixed else np.hypot(rows[:, 0], rows[:, 1])
+    arms = np.hypot(rows[:, 0], rows[:, 1])
     travel = np.array([one.travel for one in each]) / outputs.reach
-    turned = (sense * signs * travel) < 0.0
     remarks = []
     if np.ptp(arms) > _SAME or np.ptp(np.abs(travel)) > _SAME:
         remarks.append(
@@ -195,11 +120,22 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
             "no numbers for: means are taken, and roll, pitch and collective move each other"
         )
     unit = float(np.mean(np.abs(travel)))
-    found = _plate(rows, mixed)
-    found.append(Setting("H_SW_COL_DIR", float(sense < 0.0)))
-    for motor, k in enumerate(order):
-        why = f"servo {motor + 1} of the swashplate, us"
-        found += _servo(each[k], 33 + motor, bool(turned[k]), why)
+    azimuths = -np.degrees(np.arctan2(rows[:, 1], rows[:, 0]))
+    found = [Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)")]
+    for k, azimuth in enumerate(azimuths.tolist(), 1):
+        why = "azimuth of its ball link, deg from the nose to the right"
+        found.append(Setting(f"H_SW_H3_SV{k}_POS", round(azimuth, 6) + 0.0, why if k == 1 else ""))
+    found += [
+        Setting(
+            "H_SW_H3_PHANG",
+            0.0,
+            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
+        ),
+        Setting("H_SW_COL_DIR", 0.0),
+    ]
+    for k, one in enumerate(each):
+        reversed_one = bool(signs[k] * travel[k] < 0.0)
+        found += _servo(one, 33 + k, reversed_one, f"servo {k + 1} of the swashplate, us")
     low, high = collective(vehicle)
     least = 1500.0 + low * unit
     if least < 1000.0 or 1500.0 + high * unit > 2000.0:
@@ -235,69 +171,26 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
     return tuple(found), remarks
 
 
-def _plate(rows: NDArray[np.float64], mixed: bool) -> list[Setting]:
-    """Return where the servos stand; rows are of lon and lat, (3, 2)."""
-    if mixed:
-        return [Setting("H_SW_TYPE", H3_140, "H3-140, mixed 1:1: left, right, elevator's servo")]
-    azimuths = -np.degrees(np.arctan2(rows[:, 1], rows[:, 0]))
-    why = "azimuths of the servos' ball links, deg from the nose to the right"
-    return [
-        Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)"),
-        *(
-            Setting(f"H_SW_H3_SV{k}_POS", round(float(azimuth), 6) + 0.0, why if k == 1 else "")
-            for k, azimuth in enumerate(azimuths, 1)
-        ),
-        Setting(
-            "H_SW_H3_PHANG",
-            0.0,
-            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
-        ),
-    ]
-
-
-def _h3_140(rows: NDArray[np.float64]) -> tuple[list[int], float] | None:
-    """Return which servos an H3-140's motors 1 to 3 move, and -1 where its elevator is in front.
-
-    All of it is then reversed, collective too, as ArduPilot's H_SW_TYPE says of an HR3-140. None
-    for another plate. Rows are of lon and lat, (3, 2).
-    """
-    for sense in (1.0, -1.0):
-        near = [np.all(np.abs(rows - sense * np.array(one)) < 1e-3, axis=1) for one in MIXED_1_TO_1]
-        if all(map(np.any, near)):
-            return [int(np.argmax(one)) for one in near], sense
-    return None
-
-
 def collective(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the least and most of the vehicle's col that the autopilot has.
-
-    The sticks' range, and lower where that doesn't take the blades' lift, as a landing needs it.
-    """
+    """Return the least and most of the vehicle's col that the autopilot has."""
     per_unit = math.degrees(vehicle.parameters["main_rotor.pitch_range"])
     unloaded = vehicle.trim.col + (_LANDED - _pitch(vehicle, vehicle.trim.col)) / per_unit
     return min(vehicle.trim.col - _RANGE, unloaded), vehicle.trim.col + _RANGE
 
 
 def _pitch(vehicle: Vehicle, col: float) -> float:
-    """Return the blades' pitch, deg."""
     own = vehicle.parameters
     return math.degrees(own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * col)
 
 
-def tail(outputs: Outputs, *, gyro: bool = False) -> Group:
-    """Return the settings of the tail, with a gyro of its own or without."""
-    turned = outputs.tail.travel < 0.0
-    if gyro:
-        return (
-            Setting("H_TAIL_TYPE", 1.0, "its own gyro moves the servo: yaw is the gyro's pedals"),
-            *_servo(outputs.tail, 36, turned, "pedals: their middle and their ends, us"),
-        )
+def tail(outputs: Outputs) -> Group:
+    """Return the settings of the tail."""
     return (
         Setting("H_TAIL_TYPE", 0.0, "a servo, gyro in the autopilot"),
         *_servo(
             outputs.tail,
             36,
-            turned,
+            outputs.tail.travel < 0.0,
             f"tail: trim and ends {_ASIDE:g} us short of the hover's, as pulses are cut to whole "
             "us towards the trim: at it small commands would be lost",
             _ASIDE,
@@ -337,13 +230,6 @@ def rotor(vehicle: Vehicle, outputs: Outputs) -> Group:
     )
 
 
-def unused(outputs: Outputs) -> Group:
-    """Return those of a helicopter's usual outputs that move nothing of this one."""
-    used = {outputs.front, outputs.left, outputs.right, outputs.tail, outputs.rotor}
-    free = sorted({1, 2, 3, 4, 8} - {one.channel for one in used})
-    return tuple(Setting(f"SERVO{channel}_FUNCTION", 0.0) for channel in free)
-
-
 def hover(vehicle: Vehicle) -> Group:
     """Return the settings of the hover."""
     lean = math.degrees(vehicle.trim.phi)
@@ -363,7 +249,7 @@ def hover(vehicle: Vehicle) -> Group:
 
 
 def simulated() -> dict[str, Group]:
-    """Return what the simulator's sensors, radio and ground station need."""
+    """Return settings for the simulator's sensors, radio and ground station."""
     return {
         "simulated sensors, which must look calibrated to arm": (
             *_triple("INS_ACC{}OFFS_{}", ("", "2"), 0.001),
@@ -416,8 +302,7 @@ def _servo(output: Output, function: int, turned: bool, why: str, aside: float =
 
 
 _WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
-_QUICK = 10.0
-"""rad/s, at which a collective lifts before the vehicle moves."""
+_QUICK = 10.0  # rad/s, at which a collective lifts before the vehicle moves
 
 
 def parameters_for(
@@ -427,48 +312,36 @@ def parameters_for(
     of_autopilot: bool = False,
     late: float = 0.0,
     lift: float | None = None,
-    gyro: bool = False,
     made_from: str = "",
 ) -> AutopilotParameters:
-    """Return parameters with which ArduCopter-heli flies a vehicle, and what each follows from.
+    """Return parameters with which ArduCopter-heli flies a vehicle, with their reasons.
 
-    Args:
-        vehicle: or its name or folder: its servos, rotor and hover are what is set.
-        model: from col, lon, lat, ped in the vehicle's unit to rates, attitudes and w, such as an
-            identified one; the exact linearisation if None. What it doesn't know isn't tuned.
-        of_autopilot: whether the model's commands are the autopilot's own, 1 all of it, held for
-            its ticks: of its log.
-        late: s, by which the autopilot's commands act later than the model's and its own ticks
-            say: negative where half a tick of another computer is in the model.
-        lift: acceleration that a unit of the model's col gives, m/s^2, where w doesn't tell.
-        gyro: whether the vehicle's own gyro stays in the tail: the autopilot then asks it for a
-            rate of yaw, and gains of yaw are the gyro's.
-        made_from: what the model is, for the file.
-
-    Raises:
-        InputError: no axis can be tuned, or a servo needs a pulse that ArduPilot doesn't send.
+    `model` is from col, lon, lat, ped in the vehicle's unit, or `of_autopilot` in its commands held
+    for its ticks, to rates, attitudes and w; the exact linearisation if None. Axes it lacks aren't
+    tuned. `late`, s, is by how much commands act later than by the model and the ticks. `lift`,
+    m/s^2 by a unit of the model's col, is for a model without w; `made_from` names its source in
+    the file. Raises InputError if no axis can be tuned, or ArduPilot can't send a servo's pulse.
     """
     vehicle = load(vehicle) if isinstance(vehicle, str) else vehicle
     outputs = Outputs.of(vehicle.parameters)
     plate, remarks = swashplate(vehicle, outputs)
     groups: dict[str, Group] = {
         "swashplate and collective": plate,
-        "tail": tail(outputs, gyro=gyro),
+        "tail": tail(outputs),
         "rotor": rotor(vehicle, outputs),
         "hover": hover(vehicle),
     }
-    groups["outputs that move nothing"] = unused(outputs)
+    used = {outputs.front, outputs.left, outputs.right, outputs.tail, outputs.rotor}
+    free = sorted({1, 2, 3, 4, 8} - {one.channel for one in used})
+    groups["outputs that move nothing"] = tuple(Setting(f"SERVO{k}_FUNCTION", 0.0) for k in free)
     told = {one.name: one.value for group in groups.values() for one in group}
-    controls = Controls(Mixer.of(told), outputs, vehicle.swashplate)
-    scale = np.eye(4) if of_autopilot else controls.scale(told["H_COL_HOVER"])
+    scale = command_scale(Mixer(told), outputs, vehicle.swashplate, told["H_COL_HOVER"])
+    scale = np.eye(4) if of_autopilot else scale
     known = model or replace(vehicle.linearize(), delays={})
     lean = (vehicle.trim.phi, vehicle.trim.theta)
-    axes = [axis for axis in COMMANDS if not (gyro and axis == "ped")]
-    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot, axes=axes)
-    groups["loops, and the filters in them"] = _loops()
-    if gyro:
-        groups["yaw"] = _asked(vehicle)
-    for axis in axes:
+    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot)
+    groups["loops, and the filters in them"] = _LOOPS
+    for axis in COMMANDS:
         if axis in tuning.gains:
             groups[f"{axis_of(axis).word}"] = _axis(tuning, axis)
         else:
@@ -495,28 +368,27 @@ _LEFT = (
 )
 
 
-def _loops() -> Group:
-    return (
-        Setting("SCHED_LOOP_RATE", LOOP_RATE, "Hz"),
-        Setting("INS_GYRO_FILTER", GYRO_HZ, "Hz: twice the usual, as nothing vibrates"),
-        Setting("ATC_RATE_FF_ENAB", 1.0, "attitudes that are asked for are shaped"),
-        Setting("ATC_INPUT_TC", INPUT_TIME, "s, in which the sticks are followed"),
-    )
+_LOOPS = (
+    Setting("SCHED_LOOP_RATE", LOOP_RATE, "Hz"),
+    Setting("INS_GYRO_FILTER", GYRO_HZ, "Hz: twice the usual, as nothing vibrates"),
+    Setting("ATC_RATE_FF_ENAB", 1.0, "attitudes that are asked for are shaped"),
+    Setting("ATC_INPUT_TC", INPUT_TIME, "s, in which the sticks are followed"),
+)
 
 
 def _axis(tuning: Tuning, axis: str) -> Group:
     gains, own = tuning.gains[axis], f"ATC_RAT_{_WORDS[axis]}_"
-    margins, rejection = tuning.margins(axis), tuning.rejection(axis)
+    cut, left = margins(tuning.loop.broken(axis)), rejection(tuning.loop.disturbance(axis))
     unit = "rad/s of " + str(axis_of(axis).rate)
     limit = 1.0 if axis == "ped" else 0.5
     return (
         Setting(
             f"ATC_ANG_{_WORDS[axis]}_P",
             gains.angle,
-            f"1/s. Predicted, cut at the command: gain margin {margins.least_gain:.1f} dB, phase "
-            f"margin {math.degrees(margins.least_phase):.0f} deg, crossover "
-            f"{margins.crossover:.1f} rad/s; disturbances of {axis_of(axis).angle} rejected up to "
-            f"{rejection.bandwidth:.1f} rad/s, with a peak of {rejection.peak:.1f} dB",
+            f"1/s. Predicted, cut at the command: gain margin {cut.least_gain:.1f} dB, phase "
+            f"margin {math.degrees(cut.least_phase):.0f} deg, crossover "
+            f"{cut.crossover:.1f} rad/s; disturbances of {axis_of(axis).angle} rejected up to "
+            f"{left.bandwidth:.1f} rad/s, with a peak of {left.peak:.1f} dB",
         ),
         Setting(
             f"{own}FF",
@@ -540,18 +412,6 @@ def _axis(tuning: Tuning, axis: str) -> Group:
     )
 
 
-def _asked(vehicle: Vehicle) -> Group:
-    """Return the gains of yaw where a gyro of its own turns the vehicle as it is asked."""
-    full = 0.5 * vehicle.parameters["gyro.k_delta"] / vehicle.parameters["gyro.k_a"]
-    why = f"full yaw asks the gyro for {full:.3f} rad/s (gyro.k_delta / k_a, half a unit of pedals)"
-    none = [Setting(f"ATC_RAT_YAW_{name}", 0.0) for name in ("P", "I", "D", "D_FF", "FLTE")]
-    return (
-        Setting("ATC_RAT_YAW_FF", _rounded(1.0 / full), why),
-        *none,
-        Setting("ATC_RAT_YAW_FLTT", FILTER_HZ, "Hz"),
-    )
-
-
 def _height(lift: float) -> Group:
     gain = STANDARD_GRAVITY / lift
     return (
@@ -566,7 +426,7 @@ def _height(lift: float) -> Group:
 
 
 def _lift(model: Linear, scale: NDArray[np.float64]) -> float:
-    """Return the acceleration that all of the collective gives, m/s^2, 0 if nothing tells it."""
+    """Return the acceleration by all of the collective, m/s^2, 0 if nothing tells it."""
     if "w" not in model.outputs or "col" not in model.inputs:
         return 0.0
     response = model.response(np.array([_QUICK]))

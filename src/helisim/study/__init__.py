@@ -1,1 +1,1 @@
-"""The experiment: which models are identified from which flights, and what is true of them."""
+"""The experiment: models, flights, truth and comparison."""

@@ -1,245 +1,239 @@
-"""Check a vehicle's folder: files, names, rigid body, hover, gyro; every problem at once."""
+"""Check of a vehicle's folder: parameter files, hover, rigid body, gyro."""
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
-from helisim.base.errors import HelisimError, ModelError, TrimError
-from helisim.study.check_files import (
-    ParameterFiles,
-    Problem,
-    at_a_glance,
-    body_problems,
-    element_problems,
-    implausible,
-    solving,
-)
-from helisim.study.paper import published
+from helisim.base.errors import HelisimError, StorageError, TrimError, similar
+from helisim.base.note import Command, Option
+from helisim.study.new_vehicle import targets_of
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.build import unwritten
-from helisim.vehicle.calibrate import DIRECT, SOLVED
-from helisim.vehicle.folder import is_shipped, mjcf_file, model_folder
+from helisim.vehicle.parameters import (
+    PARAMETER_FILES,
+    PhysicalParameter,
+    is_shipped,
+    model_folder,
+    read_entries,
+    sections,
+    term,
+)
+from helisim.vehicle.swashplate import lock_number
 from helisim.vehicle.trim import root_body
 
-_MISSED = 1e-3
-"""Of a target: published ones have four digits, and calibration leaves 1e-8."""
-_OFF_CENTRE = 1e-3
-"""Of a control in the hover, unitised; calibration leaves 1e-8."""
-_FASTEST_GROWTH = 0.2
-"""1/s, of what the gyro leaves to the pilot, who has a second or two."""
-_LEAST_GAIN, _LEAST_PHASE = 6.0, 30.0
-"""dB and degrees: below them a loop rings with the next delay that is found."""
+Files = Mapping[str, Path]  # by parameter
+
+_MISSED = 1e-3  # relative; published ones have four digits
+_OFF_CENTRE = 1e-3  # unitised, of a control in the hover
+_OFF_ORIGIN, _MISPLACED = 0.002, 0.005  # shares of the rotor's radius: centre of gravity, hub
+_FASTEST_GROWTH = 0.2  # 1/s, that a pilot can still hold
+_LEAST_GAIN, _LEAST_PHASE = 6.0, 30.0  # least margins, dB and degrees
+_MADE_BY = {"calibrated.toml": "calibrate", "tuned.toml": "tune"}
+_USUAL = {
+    "disc_loading": (2.0, 1000.0, "mass in the MJCF, main_rotor.radius"),
+    "tip_speed": (20.0, 300.0, "main_rotor.radius and speed (rad/s, not rpm)"),
+    "solidity": (0.01, 0.25, "main_rotor.chord, blades and radius"),
+    "blade_loading": (0.005, 0.16, "mass, main_rotor.speed and chord"),
+    "lock_number": (0.3, 20.0, "flapping.tau_f or main_rotor.blade_inertia"),
+    "figure_of_merit": (0.15, 0.9, "main_rotor.profile_drag and induced_factor"),
+}  # figure -> lowest and highest usual value, SI, and where to look
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figures:
-    """What a vehicle is in the hover.
+@dataclass(frozen=True)
+class Problem:
+    """A problem, its file or None, and a command that mends it or None."""
 
-    Attributes:
-        mass: kg.
-        disc_loading: N/m^2.
-        tip_speed: m/s, of the main blades.
-        solidity: of the main rotor.
-        blade_loading: thrust coefficient over solidity.
-        lock_number: density x lift slope x chord x radius^4 over a blade's flapping inertia.
-        collective: pitch of the main blades, rad.
-        power: W, of the main rotor's shaft.
-        figure_of_merit: ideal over real power.
-        poles: rad/s, of the base helicopter's modes that are not at zero and slower than its
-            servos, slowest first; one of each pair.
-    """
+    text: str
+    file: Path | None = None
+    remedy: Command | None = None
 
-    mass: float
-    disc_loading: float
-    tip_speed: float
-    solidity: float
-    blade_loading: float
-    lock_number: float
-    collective: float
-    power: float
-    figure_of_merit: float
-    poles: tuple[complex, ...]
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> "Figures":
-        """Return those of a vehicle in its hover."""
-        own, model = vehicle.parameters, vehicle.model
-        mass = float(model.body_subtreemass[root_body(model)])
-        weight = mass * float(np.linalg.norm(model.opt.gravity))
-        disc = math.pi * own["main_rotor.radius"] ** 2
-        pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * vehicle.trim.col
-        ideal = weight**1.5 / math.sqrt(2.0 * own["air.density"] * disc)
-        return cls(
-            mass=mass,
-            **at_a_glance(own, weight),
-            collective=pitch,
-            power=vehicle.power,
-            figure_of_merit=ideal / vehicle.main_power,
-            poles=_poles(vehicle),
-        )
+    def __str__(self) -> str:
+        return self.text if self.file is None else f"{_below_here(self.file)}: {self.text}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCheck:
-    """What is found of a vehicle.
+    """Findings of a vehicle's check.
 
-    Attributes:
-        name: of the vehicle.
-        problems: what is wrong, with its place and the remedy.
-        remarks: what is not wrong, but may not be meant.
-        figures: of the hover; None where it doesn't hover.
-        margins: of the gyro's loops by axis, empty where it doesn't fly.
+    Figures of the hover, SI, and margins of the gyro's loops are empty where it doesn't fly.
     """
 
     name: str
     problems: tuple[Problem, ...]
-    remarks: tuple[Problem, ...]
-    figures: Figures | None
-    margins: Mapping[str, Margins]
+    figures: Mapping[str, float] = field(default_factory=dict)
+    margins: Mapping[str, Margins] = field(default_factory=dict)
 
 
 def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
-    """Check a vehicle's folder and return everything that is wrong with it.
-
-    What can't be looked at because of something else is not looked at: an MJCF that MuJoCo
-    refuses has no hover.
-
-    Args:
-        vehicle: name of a shipped one, or path of a folder.
-
-    Raises:
-        UnknownNameError: it is no vehicle at all.
-    """
+    """Return the problems of a vehicle, by name or folder. Raises UnknownNameError."""
     folder = model_folder(vehicle)
-    files = ParameterFiles(folder)
-    problems = files.problems.copy()
-    flown: Vehicle | None = None
-    mjcf: Path | None = None
-    try:
-        mjcf = mjcf_file(folder, files.roles)
-    except ModelError as error:
-        problems.append(Problem.of(str(error)))
-    if mjcf is not None:
-        found = element_problems(mjcf, files.roles)
-        if not found and files.whole:
-            found = body_problems(mjcf, files)
-        problems += found
-        if files.whole and all(one.flies for one in found):
-            flown = _flown(folder, mjcf, problems)
-    figures, loops = None, {}
-    if flown is not None and mjcf is not None:
-        figures = Figures.of(flown)
-        problems += implausible({"figure_of_merit": figures.figure_of_merit})
-        problems += _stale(flown, files)
-        problems += _unwritten(flown, mjcf)
-        loops = {axis: margins(flown, axis) for axis in LOOPS}
-        problems += _restless(flown, loops, folder)
-    return VehicleCheck(
-        name=folder.name,
-        problems=tuple(sorted(problems, key=_order(problems))),
-        remarks=tuple(files.remarks),
-        figures=figures,
-        margins=loops,
-    )
+    entries: dict[str, PhysicalParameter] = {}
+    files: dict[str, Path] = {}  # by parameter
+    problems = list(_unreadable(folder, entries, files))
+    doubts = list(_doubtful(entries, files))
+    figures, loops = {}, {}
+    if not problems:
+        try:
+            flown = load(folder)
+            figures = hover_figures(flown)
+            loops = {axis: margins(flown, axis) for axis in LOOPS}
+            problems += _implausible(figures)
+            problems += _misplaced(flown, files)
+            problems += _stale(flown, files)
+            problems += _unwritten(folder)
+            problems += _restless(flown, loops)
+        except TrimError as error:
+            text = f"it does not hover: {error}; look at the mass in the MJCF and at the rotors"
+            problems.append(Problem(text, remedy=_solving("calibrate", folder)))
+        except HelisimError as error:
+            problems.append(Problem(str(error)))
+    found = (*problems, *doubts)
+    return VehicleCheck(name=folder.name, problems=found, figures=figures, margins=loops)
 
 
-def _order(problems: Sequence[Problem]) -> Callable[[Problem], tuple[int, int]]:
-    """Return the key that sorts problems by file, in the order of their finding, and line."""
-    files = list(dict.fromkeys(problem.file for problem in problems))
-    return lambda problem: (files.index(problem.file), problem.line or 0)
+def hover_figures(vehicle: Vehicle) -> dict[str, float]:
+    """Return figures of a vehicle's hover by name, SI."""
+    own, model = vehicle.parameters, vehicle.model
+    radius, speed = own["main_rotor.radius"], own["main_rotor.speed"]
+    mass = float(model.body_subtreemass[root_body(model)])
+    weight = mass * float(np.linalg.norm(model.opt.gravity))
+    disc, density = math.pi * radius**2, own["air.density"]
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (math.pi * radius)
+    ideal = weight**1.5 / math.sqrt(2.0 * density * disc)
+    pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * vehicle.trim.col
+    return {
+        "mass": mass,
+        "disc_loading": weight / disc,
+        "tip_speed": speed * radius,
+        "solidity": solidity,
+        "blade_loading": weight / (density * disc * (speed * radius) ** 2) / solidity,
+        "lock_number": lock_number(own),
+        "collective": pitch,
+        "power": vehicle.power,
+        "figure_of_merit": ideal / vehicle.main_power,
+    }
 
 
-def _flown(folder: Path, mjcf: Path, problems: list[Problem]) -> Vehicle | None:
-    """Return the vehicle in its hover, or None and a problem."""
-    try:
-        return load(folder)
-    except TrimError as error:
-        text = (
-            f"it does not hover: {error}; look at the mass in the MJCF, the rotors' radius and "
-            "speed, and calibrate the rest"
+def _below_here(path: Path) -> Path:
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def _solving(command: str, folder: Path) -> Command:
+    where = folder.name if is_shipped(folder) else str(_below_here(folder))
+    return Command(command, (where,), () if " " in command else (Option("write"),))
+
+
+def _unreadable(
+    folder: Path, entries: dict[str, PhysicalParameter], files: dict[str, Path]
+) -> Iterator[Problem]:
+    for path in (folder / name for name in PARAMETER_FILES):
+        solver = _MADE_BY.get(path.name)
+        if not path.is_file() and solver:
+            text = f"there is no such file: {solver} the vehicle to make it"
+            yield Problem(text, path, _solving(solver, folder))
+            continue
+        try:
+            for fault in read_entries(path, entries):
+                yield Problem(fault, path)
+        except StorageError as error:
+            yield Problem(f"can't be read: {error}", path)
+        files |= dict.fromkeys(entries.keys() - files.keys(), path)
+
+
+def _doubtful(entries: Mapping[str, PhysicalParameter], files: Files) -> Iterator[Problem]:
+    for name, entry in entries.items():
+        known = term(name)
+        if known is not None and not known.low <= entry.value <= known.high:
+            text = (
+                f"{name} = {entry.value:g} {known.unit} is implausible: it is usually "
+                f"{known.low:g} to {known.high:g}. {known.meaning} {known.origin}"
+            )
+            yield Problem(text, files[name])
+    found = {name.split(".")[0]: path for name, path in files.items()}
+    for section in (one for one in found if one not in sections()):
+        meant = similar(section, sections())
+        if meant:  # else it is its author's own
+            text = f"there is no section [{section}]; did you mean [{meant[0]}]?"
+            yield Problem(text, found[section])
+
+
+def _implausible(figures: Mapping[str, float]) -> Iterator[Problem]:
+    for name, (low, high, look) in _USUAL.items():
+        if not low <= figures[name] <= high:
+            yield Problem(
+                f"the {name.replace('_', ' ')} is {figures[name]:.4g}, which is implausible: it is "
+                f"usually {low:g} to {high:g}, SI; look at {look}"
+            )
+
+
+def _misplaced(vehicle: Vehicle, files: Files) -> Iterator[Problem]:
+    model, own = vehicle.model, vehicle.parameters
+    data, root, radius = mujoco.MjData(model), root_body(model), own["main_rotor.radius"]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    inside = data.xmat[root].reshape(3, 3).T
+    x, y, z = offset = inside @ (data.subtree_com[root] - data.xpos[root])
+    if np.linalg.norm(offset) > _OFF_ORIGIN * radius:
+        yield Problem(
+            f"the centre of gravity is {1e3 * x:.1f} mm ahead, {1e3 * y:.1f} mm left and "
+            f"{1e3 * z:.1f} mm above the origin of the body {model.body(root).name!r}, about which "
+            "the force laws act; move parts, or the fuselage's inertial pos"
         )
-        problems.append(Problem(text, mjcf, remedy=solving("calibrate", folder)))
-    except HelisimError as error:
-        problems.append(Problem.of(str(error), mjcf))
-    return None
+    for role, section, along, down in (
+        ("hub", "main_rotor", "hub_x", "hub_z"),
+        ("tail_hub", "tail_rotor", "arm_x", "arm_z"),
+    ):
+        site = data.site(role)
+        x, _, up = inside @ (site.xpos - data.xpos[root])
+        for key, drawn in ((f"{section}.{along}", x), (f"{section}.{down}", -up)):
+            if abs(own[key] - drawn) > _MISPLACED * radius:
+                text = f"{key} is {own[key]:g} m, and the site {site.name!r} of the MJCF is at "
+                yield Problem(f"{text}{drawn:.4g} m; make them one place", files.get(key))
 
 
-def _place(vehicle: Vehicle) -> Path:
-    """Return a vehicle's folder as a command takes it: of a shipped one its name."""
-    return Path(vehicle.name) if is_shipped(vehicle.folder) else vehicle.folder
-
-
-def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
-    """Yield what calibration is to have made true and isn't."""
-    remedy = solving("calibrate", _place(vehicle))
-    for control in ("col", "ped"):
+def _stale(vehicle: Vehicle, files: Files) -> Iterator[Problem]:
+    remedy = _solving("calibrate", vehicle.folder)
+    for control, rotor in (("col", "main_rotor"), ("ped", "tail_rotor")):
         value = getattr(vehicle.trim, control)
         if abs(value) > _OFF_CENTRE:
-            rotor = "main_rotor" if control == "col" else "tail_rotor"
             text = f"the hover needs {control} = {value:.4g}, which calibration centres"
-            yield Problem(
-                text,
-                *files.place(f"{rotor}.pitch_trim"),
-                remedy=remedy,
-            )
-    targets = {key: one.value for key, one in files.entries.items() if key.startswith("targets.")}
-    if not targets and is_shipped(vehicle.folder):
-        known = published(vehicle.name).targets
-        targets = {f"targets.{key}": known[key] for key in (*DIRECT, *SOLVED) if key in known}
-    for name in (*DIRECT, *SOLVED):
-        wanted, found = targets.get(f"targets.{name}"), vehicle.derivatives[name]
-        if wanted is not None and not math.isclose(wanted, found, rel_tol=_MISSED):
-            text = (
-                f"{name} is {found:.5g} with calibrated.toml, and [targets] wants {wanted:.5g}; "
-                "calibrate anew"
-            )
-            yield Problem(text, *files.place(f"targets.{name}"), remedy=remedy)
+            yield Problem(text, files.get(f"{rotor}.pitch_trim"), remedy)
+    for name, wanted in targets_of(vehicle.folder, vehicle.parameters).items():
+        found = vehicle.derivatives[name]
+        if not math.isclose(wanted, found, rel_tol=_MISSED):
+            text = f"{name} is {found:.5g}, and [targets] wants {wanted:.5g}; calibrate anew"
+            yield Problem(text, files.get(f"targets.{name}"), remedy)
 
 
-def _unwritten(vehicle: Vehicle, mjcf: Path) -> Iterator[Problem]:
-    """Yield what the MJCF has of other parameters, by which stock MuJoCo would fly it."""
-    remedy = solving("vehicle build", _place(vehicle))
-    try:
-        for change in unwritten(vehicle.folder):
-            element, names = change.element, ", ".join(change.numbers)
-            named = f" {element.name!r}" if element.name else ""
-            text = (
-                f"the <{element.tag}>{named} has other numbers ({names}) than the parameters give, "
-                f"by which stock MuJoCo would fly it; write them anew"
-            )
-            yield replace(Problem.at(text, element), remedy=remedy)
-    except HelisimError as error:
-        yield Problem.of(str(error), mjcf)
+def _unwritten(folder: Path) -> Iterator[Problem]:
+    for change in unwritten(folder):
+        element, names = change.element, ", ".join(change.attributes)
+        text = (
+            f"line {element.line}: the <{element.tag}> {element.name!r} has other numbers "
+            f"({names}) than the parameters give, by which stock MuJoCo would fly it; write them "
+            "anew"
+        )
+        yield Problem(text, element.file, _solving("vehicle build", folder))
 
 
-def _restless(vehicle: Vehicle, loops: Mapping[str, Margins], folder: Path) -> Iterator[Problem]:
-    """Yield a gyro that doesn't hold its vehicle, or only just."""
-    remedy, linear = solving("tune", _place(vehicle)), vehicle.linearize("IN2")
-    poles = np.abs(np.linalg.eigvals(linear.a))
-    growth = float(np.log(poles.max()) / linear.period)
+def _restless(vehicle: Vehicle, loops: Mapping[str, Margins]) -> Iterator[Problem]:
+    remedy, linear = _solving("tune", vehicle.folder), vehicle.linearize("IN2")
+    file = vehicle.folder / "tuned.toml"
+    growth = float(np.log(np.abs(np.linalg.eigvals(linear.a)).max()) / linear.period)
     if growth > _FASTEST_GROWTH:
         text = f"with its gyro a motion grows by {growth:.3g} 1/s in the hover; tune the gains"
-        yield Problem(text, folder / "tuned.toml", remedy=remedy)
-        return
+        yield Problem(text, file, remedy)
     for axis, left in loops.items():
         if left.gain_db < _LEAST_GAIN or left.phase_deg < _LEAST_PHASE:
             text = (
                 f"the {axis} loop has margins of {left.gain_db:.1f} dB and {left.phase_deg:.0f} "
                 f"degrees, fewer than {_LEAST_GAIN:g} dB or {_LEAST_PHASE:g} degrees; tune it"
             )
-            yield Problem(text, folder / "tuned.toml", remedy=remedy)
-
-
-def _poles(vehicle: Vehicle) -> tuple[complex, ...]:
-    poles = np.linalg.eigvals(vehicle.linearize("IN1").a)
-    slowest_servo = min(
-        vehicle.parameters["servo.swash_frequency"], vehicle.parameters["servo.tail_frequency"]
-    )
-    size = np.abs(poles)
-    kept = poles[(size > 1e-3) & (size < 0.9 * slowest_servo) & (poles.imag >= 0.0)]
-    return tuple(complex(pole) for pole in kept[np.argsort(np.abs(kept))])
+            yield Problem(text, file, remedy)

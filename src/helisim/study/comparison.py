@@ -1,71 +1,42 @@
-"""An identified model by its numbers: each parameter beside its truth and the paper's value.
-
-Two verdicts stand beside a value, of which neither follows from the other. Support is what the
-data say of it; agreement is how far it is from a named reference.
-"""
+"""Identified parameters beside truth and paper, with support by the data and agreement apart."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from helisim import ident
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import item_of
 from helisim.base.settings import check, setting
 from helisim.design.exact import Air
 from helisim.ident.fitted import Support
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
-from helisim.study.models import Given, ModelSpec
-from helisim.study.paper import paper_table
+from helisim.study.models import ModelSpec
+from helisim.study.paper import published_of
 from helisim.study.truth import true_values
 from helisim.vehicle import Vehicle
 
-Agreement = Literal["agrees", "differs", "not judged"]
-"""Whether a value is within its tolerance of a reference; "not judged" where it has none."""
+Agreement = Literal["agrees", "differs", "not judged"]  # not judged without a tolerance
 
-Truth = Literal["truth", "equivalent"]
-"""Which truth a table's values are compared with, see `TRUTHS`."""
+Truth = Literal["truth", "equivalent"]  # equivalent: fitted to the exact response
 
-TRUTHS: Mapping[Truth, str] = MappingProxyType(
-    {
-        "truth": "the exact linearisation of the model that flew",
-        "equivalent": "this structure fitted to the exact response of the model that flew, which "
-        "has more states: what flights without noise would give",
-    }
-)
+GroundTests = Mapping[str, RigTest]  # by rig
 
-GroundTests = Mapping[str, RigTest]
-"""By rig."""
-
-Flights = Mapping[str, Sequence[FlightRecord]]
-"""Records by axis."""
+Flights = Mapping[str, Sequence[FlightRecord]]  # by axis
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRow:
-    """One identified parameter beside its truth and the paper's number.
+    """One identified parameter beside its truth and the paper's value; None where there is none.
 
-    Attributes:
-        name: the parameter's name, as in the paper.
-        unit: of `paper`, `truth` and `identified`.
-        paper: the published value; None where there is none.
-        truth: what the table's truth has; None where there is none.
-        identified: estimated from the records alone.
-        cr_percent: Cramér-Rao bound of `identified`; None where it was not estimated.
-        insensitivity_percent: insensitivity of `identified`; None where it was not estimated.
-        standard_error: of `identified`, or of what was given; None in results that have none.
-        support: what the data say of it; None in results that did not say it.
-        tolerance_percent: the largest accepted distance from `truth`, percent of `truth`;
-            None reports the parameter without judging it.
-        tolerance_reason: why that tolerance.
-        paper_tolerance_percent: the same for `paper`; None reports without judging, as it
-            must where the truth is not the paper's.
-        paper_tolerance_reason: why that tolerance.
+    All values and the standard error, of `identified` or else of the given value, are in `unit`.
+    Bound (`cr_percent`) and insensitivity are in percent of `identified`. Tolerances are the
+    largest accepted distances from `truth` and `paper`, in percent of those; without one of both
+    nothing is judged.
     """
 
     derived: ClassVar = ("truth_agreement", "paper_agreement")
@@ -85,44 +56,37 @@ class ParameterRow:
 
     def __post_init__(self) -> None:
         check(self, self.name)
-        for what, against in (("tolerance", "truth"), ("paper_tolerance", "paper")):
-            if getattr(self, f"{what}_percent") is None:
-                continue
-            if getattr(self, against) is None:
-                raise InputError(f"{self.name}: {what}_percent needs a value of {against}")
-            if not getattr(self, f"{what}_reason"):
-                raise InputError(f"{self.name}: {what}_percent needs its reason")
 
     @property
     def error_percent(self) -> float | None:
-        """Distance of `identified` from `truth`, percent of `truth`, with sign."""
+        """`identified` less `truth`, percent of `truth`."""
         return _deviation_percent(self.identified, self.truth)
 
     @property
     def paper_error_percent(self) -> float | None:
-        """Distance of `identified` from `paper`, percent of `paper`, with sign."""
+        """`identified` less `paper`, percent of `paper`."""
         return _deviation_percent(self.identified, self.paper)
 
     @property
     def truth_agreement(self) -> Agreement:
-        """Whether it is within its tolerance of the truth."""
+        """Agreement with the truth."""
         return _agreement(self.error_percent, self.tolerance_percent)
 
     @property
     def paper_agreement(self) -> Agreement:
-        """Whether it is within its tolerance of the paper's value."""
+        """Agreement with the paper's value."""
         return _agreement(self.paper_error_percent, self.paper_tolerance_percent)
 
     @property
     def agreement(self) -> Agreement:
-        """Whether it agrees with each reference that it is judged by."""
+        """Agreement with each reference that it is judged by."""
         both = {self.truth_agreement, self.paper_agreement}
         if "differs" in both:
             return "differs"
         return "agrees" if "agrees" in both else "not judged"
 
     def misses(self, truth: Truth = "truth") -> tuple[str, ...]:
-        """Return a sentence for each tolerance that is missed, with the amount and the reason."""
+        """Return a sentence for each missed tolerance, with amount and reason."""
         judged = (
             (truth, self.truth, self.error_percent, "tolerance"),
             ("paper", self.paper, self.paper_error_percent, "paper_tolerance"),
@@ -140,35 +104,20 @@ class ParameterRow:
 
 @dataclass(frozen=True, kw_only=True)
 class GivenValue:
-    """A value that a fit was given.
-
-    Attributes:
-        name: of the parameter.
-        unit: SI.
-        value: in `unit`.
-        source: the table or the ground test that it comes from.
-        standard_error: of `value`, in `unit`; None where none is known.
-    """
+    """A value that a fit was given, in SI, from a table or ground test."""
 
     name: str
     unit: str
     value: float
     source: str
-    standard_error: float | None = None
+    standard_error: float | None = setting(None, finite=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparisonTable:
-    """The parameters of one identified model.
+    """The parameters of one identified model from IN1 or IN2.
 
-    Attributes:
-        name: of the model, as in the reference tables.
-        input: the signals that drive it: "IN1" or "IN2".
-        cost: average cost of the fit, J.
-        band_rad_s: lowest and highest frequency of the fit, rad/s.
-        truth: which truth the parameters' are.
-        parameters: one row a parameter.
-        given: what the fit was given.
+    `cost` is the average J of the fit in its band, lowest and highest frequency, rad/s.
     """
 
     name: str
@@ -181,34 +130,22 @@ class ComparisonTable:
 
     def __post_init__(self) -> None:
         check(self, self.name)
-        low, high = (float(edge) for edge in self.band_rad_s)
-        if not low < high:
-            raise InputError(f"{self.name}: the band must rise, got {low} to {high}")
-        object.__setattr__(self, "band_rad_s", (low, high))
 
     def __getitem__(self, name: str) -> ParameterRow:
         """Return the row of a parameter. Raises UnknownNameError."""
-        for row in self.parameters:
-            if row.name == name:
-                return row
-        names = [row.name for row in self.parameters]
-        raise UnknownNameError(f"parameter of {self.name}", name, names)
+        rows = {row.name: row for row in self.parameters}
+        return item_of(rows, name, f"parameter of {self.name}")
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """One sentence for each tolerance that is missed; empty when all hold."""
+        """A sentence for each missed tolerance."""
         return tuple(
             f"{self.name}: {miss}" for row in self.parameters for miss in row.misses(self.truth)
         )
 
     @property
-    def truth_meaning(self) -> str:
-        """What the truth of its parameters is."""
-        return TRUTHS[self.truth]
-
-    @property
     def identified(self) -> dict[str, float]:
-        """Parameter -> identified value, SI."""
+        """Identified values by parameter, SI."""
         return {row.name: row.identified for row in self.parameters}
 
 
@@ -227,9 +164,9 @@ def _agreement(error: float | None, tolerance: float | None) -> Agreement:
 
 
 def frequency_response(model: ModelSpec, flights: Flights) -> ident.FrequencyResponse:
-    """Return the frequency response of one model from the pooled records of its sweeps.
+    """Return a model's frequency response from the pooled records of its sweeps.
 
-    The band's lower edge is raised to what few flights can resolve (window <= T_F / 5).
+    The band begins no lower than what few flights resolve (window <= T_F / 5).
     """
     records = [record for axis in model.sweeps for record in flights[axis]]
     longest_window = min(
@@ -255,15 +192,7 @@ def identify_model(
     ground: GroundTests | None = None,
     estimated: ident.FrequencyResponse | None = None,
 ) -> ident.Fit:
-    """Identify one model from the records.
-
-    Args:
-        model: to identify.
-        flights: records by axis.
-        before: tables by name, whose identified values the model is given.
-        ground: tests by rig, whose findings the model is given.
-        estimated: the model's `frequency_response` of these flights; estimated here if None.
-    """
+    """Identify a model from records by axis, given values of tables by name and tests by rig."""
     values, errors = {}, {}
     for name, source in model.given.items():
         if source.source in (ground or {}):
@@ -289,10 +218,9 @@ def comparison_table(
     air: Air | None = None,
     ground: GroundTests | None = None,
 ) -> ComparisonTable:
-    """Set an identified model beside the truth and the paper.
+    """Return an identified model's parameters beside the truth and the paper.
 
-    What the fit was given is listed apart, with what is behind it in the ground tests, and judged
-    where the model has a tolerance for it. The truth is the mean over `air`, if there is any.
+    The truth is the mean over `air` if given; given values are listed apart.
     """
     truth = true_values(vehicle, model, recorder, like=fit.data, air=air)
     tests = ground or {}
@@ -306,7 +234,17 @@ def comparison_table(
         )
         for name, one in model.given.items()
     ]
-    behind = [_behind(one, tests) for one in model.behind if one.source in tests]
+    found = [(one, tests[one.source][one.name]) for one in model.behind if one.source in tests]
+    behind = [
+        GivenValue(
+            name=one.name,
+            unit=test.unit,
+            value=test.value,
+            source=f"{one.source}, {test.how}",
+            standard_error=test.standard_error,
+        )
+        for one, test in found
+    ]
     return ComparisonTable(
         name=model.name,
         input=model.input,
@@ -322,17 +260,6 @@ def comparison_table(
     )
 
 
-def _behind(one: Given, ground: GroundTests) -> GivenValue:
-    found = ground[one.source][one.name]
-    return GivenValue(
-        name=one.name,
-        unit=found.unit,
-        value=found.value,
-        source=f"{one.source}, {found.how}",
-        standard_error=found.standard_error,
-    )
-
-
 def _row(
     vehicle: Vehicle,
     fit: ident.Fit,
@@ -342,7 +269,7 @@ def _row(
     judge_paper: bool,
 ) -> ParameterRow:
     fitted, given = fit[name], name in model.given
-    printed = paper_table(vehicle, model.name).get(name)
+    printed = published_of(vehicle).get(model.name).get(name)
     tolerance, bound = model.tolerances.get(name), None
     if tolerance is not None and judge_paper and printed is not None:
         bound = model.paper_tolerance(name, printed.cr_percent)
@@ -364,5 +291,4 @@ def _row(
 
 
 def _stated(size: float | None) -> float | None:
-    """Return a size, None where it isn't a number."""
     return None if size is None or math.isnan(size) else size

@@ -1,9 +1,4 @@
-"""The experiment's models, whose data stand in `models.toml`.
-
-`MODELS` are the paper's, which have a delay in place of the servos and leave out what else stands
-between a structure and the recorded motion. `KNOWN_MODELS` have in them what a bench tells of it,
-and are judged by the vehicle alone: the paper has no such values.
-"""
+"""The experiment's models, read from `models.toml`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +13,7 @@ from helisim.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far an identified parameter may be from the truth, percent, and why."""
+    """Largest accepted distance of a parameter from its reference, percent, and the reason."""
 
     percent: float
     reason: str
@@ -26,12 +21,7 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Given:
-    """A value that a model is given, and from where.
-
-    Attributes:
-        source: a table that was identified before, or a rig of the ground tests.
-        name: the parameter in that table, or the rig's finding.
-    """
+    """A given value: the identified table or rig that it comes from, and its name there."""
 
     source: str
     name: str
@@ -41,28 +31,13 @@ class Given:
 class ModelSpec:
     """One model of the paper and how it is identified from records.
 
-    Attributes:
-        name: of the table, as in the reference.
-        input: "IN1" or "IN2".
-        sweeps: control axes whose sweeps are pooled.
-        inputs: channels that drive the model.
-        outputs: channels that it must explain.
-        conditioning: further channels whose effect is removed.
-        reference: channels outside the loop, for the joint input-output method.
-        band: rad/s.
-        structure: of the model.
-        truth_kind: where its true parameters are: in the vehicle's "derivatives", in its "gyro", or
-            nowhere, where the structure is a low-order "equivalent" of more than it has states
-            for; the truth is then the structure fitted to the exact response.
-        given: parameter -> where its value is from; it is not fitted.
-        servos_known: the servos are in the structure, so no delay holds them.
-        estimator: of the response, by `ident.frequency_response`: CIFER's windows, as in the paper.
-        behind: what the ground tests needed to know for that.
-        verified_by: axes whose doublets it must predict (the paper's Figures 7 and 8).
-        tolerances: by parameter name; a parameter without one is reported, not judged.
-        paper_tolerances: by parameter name, where the paper gives no bound and `UNBOUNDED` is
-            not meant.
-        note: why this band and these channels.
+    Sweeps of its control axes are pooled, the effect of `conditioning` channels removed;
+    `reference` channels are outside the loop, for the joint input-output method; `band` is in
+    rad/s. The truth's source is the vehicle's "derivatives", its "gyro", or the "equivalent" fitted
+    to the exact response. The estimator is as of `ident.frequency_response`, CIFER's windows as in
+    the paper. `behind` needed ground tests. It must predict doublets of the axes `verified_by` (the
+    paper's Figures 7 and 8). A parameter without a tolerance isn't judged; `paper_tolerances` are
+    for those without a bound in the paper.
     """
 
     name: str
@@ -86,18 +61,17 @@ class ModelSpec:
 
     @property
     def weighting(self) -> Literal["error", "coherence"]:
-        """Of the fit: CIFER's own for an equivalent, which depends on how errors are shared out."""
+        """Weighting of the fit; CIFER's own for an equivalent."""
         return "coherence" if self.truth_kind == "equivalent" else "error"
 
     def paper_tolerance(self, name: str, cr_percent: float | None) -> Tolerance:
-        """Return how far a parameter may be from the paper's, whose bound is given or None."""
+        """Return the tolerance by the paper's Cramér-Rao bound, or the model's own without one."""
         if cr_percent is not None:
             return Tolerance(percent=cr_percent, reason="the paper's Cramér-Rao bound")
         return self.paper_tolerances.get(name, _TOLERANCES["unbounded"])
 
 
-SERVOS = "servos"
-"""The ground test that finds what models with known servos are given."""
+SERVOS = "servos"  # the bench test's name
 
 _DATA = read_toml(Path(__file__).with_suffix(".toml"))
 _TOLERANCES = {
@@ -111,7 +85,6 @@ def _judged(by_tolerance: Mapping[str, Sequence[str]]) -> dict[str, Tolerance]:
 
 
 def _spec(table: Mapping[str, Any]) -> ModelSpec:
-    """Return the model of a table of `models.toml`."""
     like = {one["name"]: one for one in _DATA["models"]}.get(table.get("like", ""), {})
     data = {**like, **table}
     structure = ident.structures.named(data.pop("structure"))
@@ -131,19 +104,14 @@ def _spec(table: Mapping[str, Any]) -> ModelSpec:
     return from_plain(ModelSpec, {**data, **judged, "structure": structure}, data["name"])
 
 
-MODELS = tuple(map(_spec, _DATA["models"]))
-"""The paper's."""
-KNOWN_MODELS = tuple(map(_spec, _DATA["known"]))
-"""Those with known servos, in the order of the experiment's."""
+MODELS = tuple(map(_spec, _DATA["models"]))  # the paper's, with a delay in place of the servos
+KNOWN_MODELS = tuple(map(_spec, _DATA["known"]))  # judged by the vehicle alone
 YAW_BASE, YAW_GYRO, YAW_OVERALL, ROLLPITCH_IN1, ROLLPITCH_IN2, HEAVE = MODELS
 YAW_BASE_SERVO, _, ROLLPITCH_SERVO, _, HEAVE_SERVO = KNOWN_MODELS
 
 
 def base_models(vehicle: Vehicle) -> tuple[ModelSpec, ...]:
-    """Return the models of the base helicopter, each in the band that the vehicle states.
-
-    A vehicle without `band.yaw_base_low`, `band.yaw_base_high` and so on has the JR700's.
-    """
+    """Return the base helicopter's models, each in the vehicle's own band or the JR700's."""
     models, own = [], vehicle.parameters
     for model in (YAW_BASE, ROLLPITCH_IN1, HEAVE):
         edges = (f"band.{model.name}_low", f"band.{model.name}_high")

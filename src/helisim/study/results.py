@@ -1,8 +1,4 @@
-"""A run of the experiment: results, the models behind them and the flights; its files.
-
-The folder of a run has `results.json`, `fits.json`, so that a report can be made again from files
-alone, and `flights/`.
-"""
+"""A run of the experiment and its files: `results.json`, `fits.json` and `flights/`."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
@@ -11,10 +7,10 @@ from typing import Any, ClassVar, Literal
 
 from helisim import ident
 from helisim.base.display import Displayed
-from helisim.base.errors import InputError, StorageError, UnknownNameError
+from helisim.base.errors import InputError, StorageError, item_of
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
-from helisim.base.settings import FrozenMap, Value, check, from_plain, placed, setting, to_plain
+from helisim.base.settings import Value, check, from_plain, placed, setting, to_plain
 from helisim.ident.verification import VerificationFigures
 from helisim.records.record import AXES, FlightRecord, made_by
 from helisim.records.storage import read_record
@@ -23,22 +19,12 @@ from helisim.study.comparison import ComparisonTable
 from helisim.study.paper import GyroEffect, OverallCheck
 
 RESULTS, FITS, FLIGHTS = "results.json", "fits.json", "flights"
-"""Names in the folder of a run."""
 _FORMAT = "helisim fits, version 1"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exclusion:
-    """A flight that was left out of an identification, and why.
-
-    Attributes:
-        flight: its name, such as "lat_03".
-        reason: whether it was terminated early, or kept behind more coherent ones.
-        ended: of one that was terminated early: by what, and when.
-        coherence: of one less coherent: mean of that between the swept stick and its motion.
-        limit: of one less coherent: the coherence of the least coherent flight that was kept.
-        kept: of one less coherent: how many were kept.
-    """
+    """A flight left out: `ended` early, or of a coherence below the least kept one's, `limit`."""
 
     derived: ClassVar = ("message",)
     flight: str
@@ -54,7 +40,7 @@ class Exclusion:
 
     @property
     def message(self) -> str:
-        """What was left out and why, in a sentence."""
+        """Flight and reason in a sentence."""
         if self.reason == "terminated early":
             return f"flight {self.flight}: was terminated early: {self.ended}"
         return (
@@ -65,18 +51,11 @@ class Exclusion:
 
 @dataclass(frozen=True, kw_only=True)
 class Results(Displayed):
-    """Everything that one experiment found: what `results.json` holds.
+    """Findings of one experiment, the content of `results.json`.
 
-    Attributes:
-        tables: one a model.
-        seed: of the flights.
-        versions: name to version of what computed the numbers.
-        configuration: JSON-like: the options that the run was made with.
-        excluded: the flights that were left out.
-        ground: rig -> what its test found.
-        verification: model -> how well it predicts flights that no fit has seen.
-        gyro_effect: roll-pitch before and after the gyro; None if not both were identified.
-        eq_8: the overall yaw model from its parts; None if not all were identified.
+    `ground` is by rig, `verification` by model: figures of its prediction of unseen flights.
+    `gyro_effect`, on roll-pitch, and `eq_8`, the overall yaw model from its parts, are None if not
+    all were identified.
     """
 
     tables: tuple[ComparisonTable, ...]
@@ -94,27 +73,23 @@ class Results(Displayed):
 
     def __getitem__(self, name: str) -> ComparisonTable:
         """Return the table of a model. Raises UnknownNameError."""
-        for table in self.tables:
-            if table.name == name:
-                return table
-        raise UnknownNameError("table", name, [table.name for table in self.tables])
+        return item_of({table.name: table for table in self.tables}, name, "table")
 
     def __repr__(self) -> str:
-        models = ", ".join(table.name for table in self.tables)
-        return f"Results({models}; seed {self.seed}, {len(self.misses)} tolerance(s) missed)"
+        return f"Results({len(self.tables)} models, {len(self.misses)} tolerance(s) missed)"
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """One sentence for each tolerance that is missed; empty when all hold."""
+        """A sentence for each missed tolerance."""
         return tuple(miss for table in self.tables for miss in table.misses)
 
     @property
     def left_out(self) -> frozenset[str]:
-        """Names of the flights that were left out."""
+        """Names of the excluded flights."""
         return frozenset(one.flight for one in self.excluded)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data: what `results.json` holds."""
+        """Return plain JSON data, as `results.json` holds it."""
         found = {
             "ground": self.ground,
             "verification": self.verification,
@@ -137,31 +112,20 @@ class Results(Displayed):
     def from_dict(cls, data: Mapping[str, Any], where: str = "results") -> "Results":
         """Return the results that `to_dict` gave, of this version or another since 0.2.
 
-        Args:
-            data: what JSON gave.
-            where: the data are, for messages.
-
-        Raises:
-            InputError: they are something else; the message says what is missing or wrong.
+        Raises InputError.
         """
-        missing = [name for name in _NEEDED if name not in data]
-        if missing:
-            raise InputError(f"{where}: not the results of a run: it has no {', '.join(missing)}")
         with placed(f"{where}: not the results of a run"):
             given = {**data, "gyro_effect": data.get("before_after")}
             return from_plain(cls, given, "results", lenient=True)
 
 
-_NEEDED = ("tables", "seed", "versions", "configuration")
-
-
 def as_json(value: Any) -> Any:
-    """Return value objects as plain data, with the properties that their classes call derived."""
+    """Return value objects as plain data, with derived properties."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if is_dataclass(value):
-        said = {name: as_json(getattr(value, name)) for name in to_plain(value)}
-        return said | {name: getattr(value, name) for name in getattr(value, "derived", ())}
+        names = (*to_plain(value), *getattr(value, "derived", ()))
+        return {name: as_json(getattr(value, name)) for name in names}
     if isinstance(value, Mapping):
         return {str(key): as_json(one) for key, one in value.items()}
     if isinstance(value, tuple | list):
@@ -170,26 +134,16 @@ def as_json(value: Any) -> Any:
 
 
 def read_results(path: str | Path) -> Results:
-    """Read `results.json`, written by this version or another since 0.2.
-
-    Raises:
-        StorageError: the file can't be read.
-        InputError: it holds something else.
-    """
+    """Read `results.json` of this version or another since 0.2. Raises StorageError, InputError."""
     return Results.from_dict(read_json(path), str(path))
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel(Value):
-    """One identified model with what it can be judged by.
+    """One identified model with its exact response and verification.
 
-    Attributes:
-        name: of the model; the table of results of the same name holds its numbers.
-        fit: the model, and the frequency response that it was fitted to.
-        exact: the response of the vehicle that flew, without error; None for a real one.
-        note: why this band and these channels.
-        verification: how well it predicts flights that no fit has seen; None if none was flown.
-        verified_on: names of those flights, in the order of the verification's traces.
+    `exact` is without error, None for a real vehicle; `verification` predicts flights that the fit
+    has not seen, None if none was flown, in the order of their names, `verified_on`.
     """
 
     name: str
@@ -201,10 +155,6 @@ class IdentifiedModel(Value):
 
     def __post_init__(self) -> None:
         check(self)
-
-    def __repr__(self) -> str:
-        checked = "" if self.verification is None else f", {self.verification!r}"
-        return f"IdentifiedModel({self.name!r}, {self.fit!r}{checked})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
@@ -227,13 +177,10 @@ class IdentifiedModel(Value):
         """Return the model that `to_dict` gave. Raises InputError."""
         if not isinstance(data, Mapping) or "fit" not in data:
             raise InputError(f"{place} must be a table with a fit, got {data!r:.60}")
-        try:
-            fit = ident.Fit.from_dict(data["fit"])
-            exact = data.get("exact")
-            exact = exact and ident.FrequencyResponse.from_dict(exact)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"{place}: its fit can't be read: {error}") from None
-        told = data.get("verification")
+        fit = ident.Fit.from_dict(data["fit"])
+        exact, told = data.get("exact"), data.get("verification")
+        if exact is not None:
+            exact = ident.FrequencyResponse.from_dict(exact)
         if isinstance(told, Mapping):
             told = {**told, "inputs": list(fit.structure.inputs)}
         given = {**data, "fit": fit, "exact": exact, "verification": told}
@@ -248,12 +195,7 @@ def write_models(path: str | Path, items: Sequence[IdentifiedModel]) -> Path:
 
 
 def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
-    """Read what `write_models` wrote.
-
-    Raises:
-        StorageError: the file can't be read.
-        InputError: it holds something else.
-    """
+    """Read the file of `write_models`. Raises StorageError, InputError."""
     data = read_json(path)
     if data.get("format") != _FORMAT:
         raise InputError(f"{path}: its format is {data.get('format')!r:.60}, expected {_FORMAT!r}")
@@ -264,80 +206,28 @@ def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
         return tuple(IdentifiedModel.from_dict(one, f"models[{k}]") for k, one in enumerate(models))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rates:
-    """How fast a recorder samples.
-
-    Attributes:
-        rate_hz: Hz.
-        antialias_hz: Hz, edge of the filter before the samples.
-    """
-
-    rate_hz: float
-    antialias_hz: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Configuration:
-    """What a report says of how a run was made; its results state more.
-
-    Attributes:
-        flights_kept_each_axis: sweeps that were identified from.
-        flown_each_axis: sweeps that were flown.
-        timestep_s: of the simulation, s.
-        parameters: physical parameters that replaced the calibrated ones.
-        recorder: its rates.
-    """
-
-    flights_kept_each_axis: int
-    flown_each_axis: int
-    timestep_s: float
-    parameters: Mapping[str, float | str]
-    recorder: Rates
-
-
 @dataclass(frozen=True, eq=False)
 class Run(Value, Displayed):
-    """One run of the experiment: all that its report shows.
-
-    Attributes:
-        results: what was found.
-        models: the fits behind the tables of the results, and what they are judged by.
-        flights: axis -> the sweeps that were kept.
-    """
+    """Results, fits behind their tables, and kept sweeps by axis."""
 
     results: Results
     models: tuple[IdentifiedModel, ...] = ()
     flights: Mapping[str, Sequence[FlightRecord]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        flights = {axis: tuple(records) for axis, records in self.flights.items()}
-        object.__setattr__(self, "flights", FrozenMap(flights))
-        object.__setattr__(self, "models", tuple(self.models))
+        check(self)
 
     def __repr__(self) -> str:
-        count = sum(map(len, self.flights.values()))
-        return f"Run({self.results!r}, {len(self.models)} models, {count} flights)"
-
-    @property
-    def configuration(self) -> Configuration:
-        """How the run was made. Raises InputError: the results don't say it."""
-        stated = self.results.configuration
-        return from_plain(Configuration, stated, "configuration of the run", lenient=True)
+        return f"Run({self.results!r}, {len(self.models)} models)"
 
     @property
     def sweeps(self) -> dict[str, FlightRecord]:
-        """Axis -> the first of its kept sweeps."""
+        """The first kept sweep of each axis."""
         return {axis: records[0] for axis, records in self.flights.items()}
 
 
 def read_run(folder: str | Path) -> Run:
-    """Read a run from the folder that `helisim reproduce` wrote.
-
-    Raises:
-        StorageError: the folder has no readable results.
-        InputError: a file holds something else.
-    """
+    """Read a run from the folder of `helisim reproduce`. Raises StorageError, InputError."""
     folder = Path(folder)
     if not (folder / RESULTS).is_file():
         raise StorageError(
@@ -350,10 +240,7 @@ def read_run(folder: str | Path) -> Run:
 
 
 def read_kept_sweeps(folder: Path, left_out: Collection[str]) -> dict[str, list[FlightRecord]]:
-    """Read the sweeps of a run's folder but for those left out, of the axes that have some.
-
-    Raises StorageError.
-    """
+    """Read the sweeps of a run's folder without those left out, by axis. Raises StorageError."""
     kept: dict[str, list[FlightRecord]] = {}
     for axis in AXES:
         for path in sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")):

@@ -1,9 +1,4 @@
-"""What an identification must find: the exact responses of a vehicle, and its true parameters.
-
-Slow gusts move the point that is linearised about: a helicopter that holds its place in them
-flies forwards, sideways, up and down through the air. What is to be found then is the mean over
-that air, not the hover in calm air.
-"""
+"""Exact responses and true parameters of a vehicle, as means over the air that it met."""
 
 from dataclasses import replace
 
@@ -22,8 +17,7 @@ _DELAYS = {
     "tau_lat": ("lat", "p"),
     "tau_lon": ("lon", "q"),
     "tau_col": ("col", "w"),
-}
-"""Delay -> the servo command and the motion that it is between."""
+}  # delay -> servo command and motion that it lies between
 
 
 def mean_derivatives(air: Air) -> dict[str, float]:
@@ -42,20 +36,11 @@ def true_values(
     like: ident.FrequencyResponse | None = None,
     air: Air | None = None,
 ) -> dict[str, float]:
-    """Return the true parameters of a model from the exact linearisation of the vehicle.
+    """Return a model's true parameters by the exact linearisation, the mean over `air` if given.
 
-    Delays are the recorder's latencies and the servos' equivalent delay, of which half the period
-    of their commands is left where the servos are in the structure. A low-order equivalent
-    has no parameters of its own in the vehicle: its truth is the structure fitted to the exact
-    frequency response.
-
-    Args:
-        vehicle: that flew.
-        model: what was identified.
-        recorder: that recorded.
-        like: of an equivalent, the estimate at whose frequencies, and with whose coherences as
-            weights, the exact response is fitted too; evenly over the band if None.
-        air: of `air_met`, over which the truth is the mean; the vehicle's own trim if None.
+    Delays are the recorder's latencies and the servos' equivalent delay; with servos in the
+    structure, half the period of their commands replaces the latter. The truth of a low-order
+    equivalent is the structure fitted to the exact response, weighted as the estimate `like`.
     """
     air = air or ((1.0, vehicle),)
     true, own = mean_derivatives(air), vehicle.parameters
@@ -93,12 +78,9 @@ def _equivalent_values(
 def exact_response(
     vehicle: Vehicle, model: ModelSpec, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
-    """Return the exact response of a model's channels, recorder latencies included.
+    """Return the exact response of a model's channels at omega, (n_freq,) rad/s, with latencies.
 
-    It is what the estimate tends to. With a reference, that is the joint input-output method's:
-    the sticks drive the closed loop, and outputs over inputs have the conditioning channels held.
-
-    It has the model's inputs and outputs, the recorder's latencies, at omega, (n_freq,) rad/s.
+    With a reference it is the joint input-output method's limit: conditioning channels are held.
     """
     inputs = "IN2" if model.reference or model.input == "IN2" else "IN1"
     linear = vehicle.linearize(inputs)
@@ -124,7 +106,6 @@ def _recorded(
     recorder: Recorder,
     omega: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Return the response of outputs as they are recorded, delayed, (n_out, n_in, n_freq)."""
     rows = [linear.outputs.index(name) for name in outputs]
     columns = [linear.inputs.index(name) for name in inputs]
     delays = np.array([recorder.late(name) for name in outputs])

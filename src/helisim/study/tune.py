@@ -1,10 +1,4 @@
-"""Tune the gyro: gains at which the vehicle, seen from the sticks, is what is published of it.
-
-The yaw gyro's gains are Table 2's; the pedal's latency is
-solved so that eq. (8) describes the loop. The cyclic gains are solved so that the response from
-the sticks is that of Table 3's IN2 column. Both on the exact linear model of the vehicle. A
-vehicle whose parameters ask for a rate command gets one instead.
-"""
+"""Tuning of the gyro to the published models seen from the sticks, and of autopilots."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,6 +12,8 @@ from scipy.optimize import least_squares
 from helisim.base.errors import InputError, ModelError
 from helisim.base.units import DB_PER_NEPER
 from helisim.design.plant import Plant
+from helisim.handling import figures
+from helisim.handling.loop import Curve
 from helisim.ident import identify, load_fit, structures
 from helisim.ident.evaluate import response
 from helisim.logs.dataflash import is_dataflash
@@ -47,7 +43,6 @@ _CYCLIC = {
     "gyro.q_per_lon": 6.5,
     "recorder_latency.LAT": 0.01,
 }
-"""Setting -> where the search starts, SI."""
 
 _INSTEAD = (
     "say what the gyro is to be tuned to in a section [tuning] of its parameters.toml: "
@@ -55,113 +50,50 @@ _INSTEAD = (
 )
 
 LOOPS = ("lat", "lon", "ped")
-"""Commands of the gyro; it does not act on the collective."""
-
-EXTRA_DELAYS = (0.0, 0.005, 0.010)
-"""s, beyond what is in the loops as shipped."""
 
 _STEPS = 30
-_DIFFERENCE = 3e-3
-"""Relative step of the numerical derivatives, above the noise of the solved gains."""
-_REST = 0.02
-"""Weight that keeps what the targets leave free where the response put it."""
-_WORST_PERCENT = 3.0
-"""Eq. (8) has five numbers and the loop one setting; 3.9 % is the paper's smallest bound."""
-_PHASE_WEIGHT = np.sqrt(0.01745) * 180.0 / np.pi
-"""CIFER's weight of a degree against a decibel, for an error in radian."""
+_DIFFERENCE = 3e-3  # relative step of derivatives, above the noise of solved gains
+_REST = 0.02  # weight that holds what the targets leave free
+_WORST_PERCENT = 3.0  # largest miss; 3.9 % is the paper's smallest bound
+_PHASE_WEIGHT = np.sqrt(0.01745) * 180.0 / np.pi  # CIFER's, of a degree against 1 dB, in rad
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability.
-
-    Attributes:
-        gain_db: least gain margin, dB.
-        phase_deg: least phase margin, degree.
-        crossover: highest frequency at which the loop's gain is one, rad/s.
-    """
+    """Least margins of a loop, dB and degrees, and its highest crossover, rad/s."""
 
     gain_db: float
     phase_deg: float
     crossover: float
 
 
-@dataclass(frozen=True)
-class LoopMargins:
-    """Margins of one loop with a given delay more.
-
-    Attributes:
-        axis: command at which the loop is cut.
-        extra_delay: s, added there.
-        margins: what is left.
-    """
-
-    axis: str
-    extra_delay: float
-    margins: Margins
-
-
-def margins(vehicle: Vehicle, axis: str, *, extra_delay: float = 0.0) -> Margins:
-    """Return the margins of the gyro's loop at one servo command, the other loops closed.
-
-    Args:
-        vehicle: with its gyro.
-        axis: "lon", "lat" or "ped".
-        extra_delay: s, added at that command.
-    """
+def margins(vehicle: Vehicle, axis: str) -> Margins:
+    """Return the margins of the gyro's loop at one of `LOOPS`, the other loops closed."""
     loop = vehicle.loop(axis)
     omega = np.geomspace(0.3, 0.999 * np.pi / loop.dt, 4000)
-    answer = -np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
-    phase = np.unwrap(np.angle(answer)) - omega * extra_delay
-    decibel = DB_PER_NEPER * np.log(np.abs(answer))
-    crossings = _crossings(decibel)
-    if crossings.size == 0:
-        raise ModelError(f"the {axis} loop has no crossover: its gain never passes one")
-    turned = np.mod(phase + np.pi, 2.0 * np.pi)  # 0 at the critical phase
-    critical = np.flatnonzero(np.abs(np.diff(np.floor((phase + np.pi) / (2.0 * np.pi)))) > 0.5)
-    behind = [turned[k] if turned[k] <= np.pi else turned[k] - 2.0 * np.pi for k in crossings]
-    falls = [-decibel[k] for k in critical if omega[k] > omega[crossings[-1]]]
-    return Margins(
-        gain_db=float(min(falls, default=np.inf)),
-        phase_deg=float(np.degrees(min(behind, key=abs))),
-        crossover=float(omega[crossings[-1]]),
-    )
-
-
-def margin_table(vehicle: Vehicle) -> tuple[LoopMargins, ...]:
-    """Return the margins of every loop of the gyro, as it is and with more delay."""
-    return tuple(
-        LoopMargins(axis, extra_delay, margins(vehicle, axis, extra_delay=extra_delay))
-        for axis in LOOPS
-        for extra_delay in EXTRA_DELAYS
-    )
-
-
-def _crossings(decibel: NDArray[np.float64]) -> NDArray[np.intp]:
-    return np.flatnonzero(np.diff(np.sign(decibel)) != 0.0)
+    answer = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
+    found = figures.margins(Curve(omega, -answer))
+    if not found.crosses:
+        raise ModelError(f"the {axis} loop has no crossover: its gain never falls through one")
+    above = [size for at, size in found.gain if at > found.crossover]
+    least = float(np.degrees(found.least_phase))
+    return Margins(min(above, default=np.inf), least, found.crossover)
 
 
 def tune(
     vehicle: Vehicle, *, shape: int = 60, on_progress: Callable[[str], None] | None = None
 ) -> Parameters:
-    """Return the gyro's settings, and the stick latencies that go with them.
+    """Return gyro settings and stick latencies that meet eq. (8) and Table 3's IN2 column.
 
-    A vehicle whose parameters ask for a rate command (`tuning.*`) gets one. For another, first
-    the exact response from the sticks is brought near the published model over the band in
-    which it is identified; then the identified parameters themselves are met.
-
-    Args:
-        vehicle: with the airframe calibrated, and the published yaw gains.
-        shape: number of frequencies of the first stage.
-        on_progress: called with a model's name each time the loop is tried with other settings.
-
-    Raises:
-        ModelError: nothing is published of the vehicle and it asks for nothing, or the targets
-            can't be met.
+    The exact response is fitted at `shape` frequencies, then identified parameters are met. It
+    needs a calibrated airframe and the published yaw gains; a vehicle with `tuning.*` gets a rate
+    command. Raises ModelError where nothing is published or asked for, or targets can't be met.
     """
     if any(name.startswith("tuning.") for name in vehicle.parameters):
         return tune_rate_command(vehicle)
-    tables = published_of(vehicle.folder, instead=_INSTEAD)
+    tables = published_of(vehicle)
+    if not tables.tables:
+        raise ModelError(f"nothing is published of {vehicle.name!r}: {_INSTEAD}")
     settings: dict[str, float] = {}
     for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
         target = {value.name: value.value for value in tables[model.name]}
@@ -222,27 +154,17 @@ def autopilot_parameters(
     vehicle: Vehicle | str,
     source: "Source | Plant | None" = None,
     *,
-    gyro: bool = False,
     seed: int = 1,
 ) -> AutopilotParameters:
-    """Return parameters with which ArduCopter-heli flies a vehicle, each with its derivation.
+    """Return ArduCopter-heli parameters that fly a vehicle, each with its derivation.
 
-    Args:
-        vehicle: or its name or folder: its servos, rotor and hover are what is set.
-        source: what its gains come from: sweeps (see `identify_for_design`), an autopilot's log of
-            SystemID's sweeps, one identified model as `helisim identify` writes it of other
-            records (.json), or a `Plant`; None takes the vehicle's exact linearisation, as if it
-            were known.
-        gyro: whether the vehicle's own gyro stays in the tail, and is asked for a rate of yaw.
-        seed: of the bench test that finds its servos.
-
-    Raises:
-        StorageError: a file can't be read.
-        InputError: no axis can be tuned, or a servo needs a pulse that ArduPilot doesn't send.
-        IdentificationError: a model can't be identified.
+    Gains come from `source`: sweeps (see `identify_for_design`), an autopilot's log of SystemID
+    sweeps, a model written by `helisim identify` (.json), or a `Plant`; None takes the exact
+    linearisation. `seed` is the bench's. Raises StorageError, IdentificationError, or InputError
+    where no axis can be tuned or a servo needs a pulse that ArduPilot doesn't send.
     """
     if source is None:
-        return parameters_for(vehicle, gyro=gyro)
+        return parameters_for(vehicle)
     own = isinstance(source, str | PathLike) and Path(source).is_file() and is_dataflash(source)
     plant = source if isinstance(source, Plant) else _plant(source, seed, own)
     told = ", ".join(fit.structure.name for fit in plant.fits)
@@ -253,7 +175,6 @@ def autopilot_parameters(
         of_autopilot=own,
         late=0.0 if own else -0.5 * plant.period,
         lift=lifts[0] if lifts else None,
-        gyro=gyro,
         made_from=f"models identified {'in its own log' if own else 'of its records'} ({told})",
     )
 
@@ -267,7 +188,6 @@ def _plant(source: Source, seed: int, own: bool) -> Plant:
 
 
 def _logged(path: Path) -> Plant:
-    """Return what an autopilot's log tells: commands are in its unit, held for its ticks."""
     found = infer([path])
     wanted = tuple(fit for fit in found.fits if not fit.structure.startswith("tf:"))
     if not wanted:

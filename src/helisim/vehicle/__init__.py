@@ -4,10 +4,8 @@ from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.controller import Controller, ControllerLike, set_controller
 from helisim.vehicle.linearize import Linearization, linearize
 from helisim.vehicle.parameters import (
-    GyroSettings,
     Parameters,
     PhysicalParameter,
-    isa_density,
     read_parameters,
 )
 from helisim.vehicle.swashplate import Flapping, flapping_from_blade
@@ -18,7 +16,6 @@ __all__ = [
     "Controller",
     "ControllerLike",
     "Flapping",
-    "GyroSettings",
     "Linearization",
     "Parameters",
     "PhysicalParameter",
@@ -27,7 +24,6 @@ __all__ = [
     "calibrate",
     "find_trim",
     "flapping_from_blade",
-    "isa_density",
     "linearize",
     "load",
     "read_parameters",

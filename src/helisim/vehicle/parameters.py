@@ -1,51 +1,116 @@
-"""A vehicle's parameters: what each may be, its values with units and sources, and their files.
-
-The glossary, glossary.toml, says all of a parameter: unit, plausible range, meaning, origin,
-default and bounds, and which number of the force laws it is.
-"""
+"""A vehicle's folder: its files, and its parameters, of a glossary of all that there are."""
 
 import json
-import math
-import re
+import os
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 from helisim.base.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.base.files import read_toml
 from helisim.base.settings import is_number
-from helisim.base.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM, STANDARD_GRAVITY
+
+BODIES = ("fuselage", "rotor", "tail_rotor")
+SITES = ("imu", "hub", "tail_hub")
+"""Bodies and sites of a vehicle's MJCF that are looked up by name."""
+
+PARAMETER_FILES = ("parameters.toml", "calibrated.toml", "tuned.toml")  # given, calibrated, tuned
+
+_NEEDED = (
+    "a vehicle of one's own is a folder with parameters.toml, calibrated.toml, tuned.toml and its "
+    "MJCF, which `helisim vehicle new NAME` makes"
+)
+
+
+def models_folder() -> Path:
+    """Return the folder of the shipped vehicles: in the package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    inside, beside = package / "models", package.parents[1] / "models"
+    return inside if inside.is_dir() else beside
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Return the names of the shipped vehicles."""
+    found = models_folder().glob(f"*/{PARAMETER_FILES[0]}")
+    return tuple(sorted(path.parent.name for path in found))
+
+
+def model_folder(vehicle: str | os.PathLike[str], *, beside: Path | None = None) -> Path:
+    """Return the folder of a shipped vehicle or of a path (from `beside`); or UnknownNameError."""
+    if isinstance(vehicle, str) and vehicle in vehicle_names():
+        return models_folder() / vehicle
+    try:
+        path = Path(beside or "") / vehicle
+        if vehicle and (path / PARAMETER_FILES[0]).is_file():
+            return path.resolve()
+    except (OSError, TypeError, ValueError):
+        pass  # a name that no file can have, or no name at all
+    raise UnknownNameError("vehicle", str(vehicle), vehicle_names(), advice=_NEEDED)
+
+
+def is_shipped(folder: Path) -> bool:
+    """Return whether a vehicle's folder is one of helisim's own."""
+    return folder.parent == models_folder()
+
+
+def mjcf_file(folder: Path) -> Path:
+    """Return the vehicle's MJCF, named as its folder or the only one but scenes; or ModelError."""
+    own = folder / f"{folder.name}.xml"
+    if own.is_file():
+        return own
+    found = [p for p in folder.glob("*.xml") if p.name not in ("scene.xml", "scenery.xml")]
+    if len(found) == 1:
+        return found[0]
+    raise ModelError(
+        f"{folder}: which file is the vehicle's MJCF? {own.name} isn't there, and there are "
+        f"{len(found)} others; give it that name"
+    )
+
+
+def scene_file(folder: Path) -> Path | None:
+    """Return the MJCF of the vehicle in its scene, scene.xml; None without."""
+    path = folder / "scene.xml"
+    return path if path.is_file() else None
+
+
+def rig_names(vehicle: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Return the names of the rigs that can hold a vehicle on the ground."""
+    return tuple(sorted(path.stem for path in (model_folder(vehicle) / "rigs").glob("*.xml")))
+
+
+def rig_file(folder: Path, rig: str) -> Path:
+    """Return the MJCF of a rig with the vehicle in it; UnknownNameError if there is no such rig."""
+    if rig not in rig_names(folder):
+        advice = f"a rig is an MJCF in the vehicle's folder {folder.name}/rigs"
+        raise UnknownNameError("rig", rig, rig_names(folder), advice=advice)
+    return folder / "rigs" / f"{rig}.xml"
+
 
 _NOT_GIVEN = "not given: "
+_RULES: dict[str, Callable[[float], bool]] = {
+    "positive": lambda value: value > 0.0,
+    "negative": lambda value: value < 0.0,
+    "0 or more": lambda value: value >= 0.0,
+    "from 0 to 1": lambda value: 0.0 <= value <= 1.0,
+    "above 0 and at most 1": lambda value: 0.0 < value <= 1.0,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """One parameter of a vehicle, as the glossary has it.
+    """One parameter of a vehicle, as the glossary has it; low, high: plausible range.
 
     Attributes:
-        name: dotted; of the recorder's latencies "recorder_latency.*".
-        unit: that its value is in.
-        low: least plausible value.
-        high: greatest plausible value.
-        meaning: what it is and does.
-        origin: where to get it.
-        optional: a vehicle may leave it out, and then has its default, or does without.
-        default: its value where it is left out, None for none.
-        because: why that.
-        like: the parameter whose value it has where it is left out.
+        default: where it is left out, None for none; `because` says why.
+        like: the parameter that it follows where it is left out.
         untuned: its value before the gyro is tuned.
-        sign: "positive" or "0 or more", which the force laws need.
-        choices: words that it can be, each its place in the row from 0 on inside; or numbers.
-        share: it is above 0 and at most 1.
-        slot: the number of the force laws that it is, of `PARAM`.
-        now: the name that it has got since.
+        sign: what the force laws need, one of `_RULES`.
+        slot: its name in `PARAM`.
     """
 
     name: str
@@ -61,9 +126,7 @@ class Term:
     untuned: float | None = None
     sign: str = ""
     choices: tuple[Any, ...] = ()
-    share: bool = False
     slot: str = ""
-    now: str = ""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -72,8 +135,10 @@ class Term:
 
     def fault(self, value: float) -> str:
         """Return what is wrong with a value for the force laws, "" if nothing is."""
-        wrong = {"positive": value <= 0.0, "0 or more": value < 0.0}.get(self.sign, False)
-        return f"parameter {self.name!r} must be {self.sign}, got {value:g}" if wrong else ""
+        rule = "" if not self.sign or _RULES[self.sign](value) else self.sign
+        if self.choices and not self.words and value not in self.choices:
+            rule = f"one of {', '.join(map(str, self.choices))}"
+        return f"parameter {self.name!r} must be {rule}, got {value:g}" if rule else ""
 
 
 @cache
@@ -83,11 +148,11 @@ def glossary() -> Mapping[str, Term]:
     path = files("helisim.vehicle").joinpath("glossary.toml")
     for section, entries in read_toml(str(path)).items():
         for names, (unit, (low, high), meaning, origin, *more) in entries.items():
-            rules = more[0] if more else {}
-            rules |= {"choices": tuple(rules.get("choices", ()))}
-            for key in names.split():
-                terms[f"{section}.{key}"] = Term(
-                    name=f"{section}.{key}",
+            rules = dict(*more)
+            rules["choices"] = tuple(rules.get("choices", ()))
+            for name in (f"{section}.{key}" for key in names.split()):
+                terms[name] = Term(
+                    name=name,
                     unit=unit,
                     low=low,
                     high=high,
@@ -114,62 +179,17 @@ def words_of(name: str) -> tuple[str, ...]:
     return known.words if known else ()
 
 
-_LARGEST = sys.float_info.max
-"""A larger number is none that a float or a formula holds."""
-
-
 def number_of(name: str, value: Any) -> float:
-    """Return a parameter's value as a number: of a choice, the place of its word from 0 on.
-
-    Args:
-        name: of the parameter, dotted.
-        value: a number, or one of `words_of` it.
-
-    Raises:
-        InputError: it is neither, or not finite.
-    """
+    """Return a value as a number, of a word its place from 0 on; InputError if neither."""
     words = words_of(name)
-    if words:
-        if isinstance(value, str) and value in words:
-            return float(words.index(value))
-        if is_number(value) and value in range(len(words)):
-            return float(value)
-        raise InputError(f"{name} must be {' or '.join(words)}, got {value!r:.60}")
-    if is_number(value) and abs(value) <= _LARGEST:
+    if words and isinstance(value, str) and value in words:
+        return float(words.index(value))
+    is_finite = is_number(value) and abs(cast(float, value)) <= sys.float_info.max
+    if is_finite and (not words or value in range(len(words))):
         return float(value)
+    if words:
+        raise InputError(f"{name} must be {' or '.join(words)}, got {value!r:.60}")
     raise InputError(f"parameter {name!r} must be a finite number, got {value!r:.60}")
-
-
-def word_of(name: str, value: float) -> str | float:
-    """Return the word that a number stands for, or the number itself where there is no choice."""
-    words = words_of(name)
-    return words[int(value)] if words else value
-
-
-def plain_number(name: str, value: object) -> float:
-    """Return the value of a parameter as its file has it.
-
-    Raises:
-        TypeError: text, or true or false.
-        InputError: it is a choice, and of other words.
-    """
-    if words_of(name):
-        return number_of(name, value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{value!r} is no number")
-    return float(value) if abs(value) <= _LARGEST else math.inf
-
-
-def name_fault(name: str) -> str:
-    """Return what is wrong with a parameter's name, "" if nothing is.
-
-    A section that no vehicle has is its author's own, and left alone.
-    """
-    section, key = name.split(".")
-    if section not in sections() or term(name):
-        return ""
-    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
-    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
 
 
 @dataclass(frozen=True)
@@ -182,12 +202,32 @@ class PhysicalParameter:
     source: str
 
 
-class Parameters(Mapping[str, float]):
-    """Values by dotted name, such as `main_rotor.lift_slope`. Read-only.
+def name_fault(name: str) -> str:
+    """Return what is wrong with a parameter's name, "" if nothing; other sections are allowed."""
+    section, _, key = name.partition(".")
+    if section not in sections() or term(name):
+        return ""
+    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
+    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
 
-    Raises:
-        UnknownNameError: on a name that does not exist; the message lists those that do.
-    """
+
+def entry_of(name: str, item: Any) -> PhysicalParameter:
+    """Return a parameter from its table of value, unit and source; InputError if it is none."""
+    known = term(name)
+    if fault := name_fault(name):
+        raise InputError(fault)
+    if not isinstance(item, Mapping) or not {"value", "unit", "source"} <= set(item):
+        unit = known.unit if known else "1"
+        example = f'{{ value = 1.0, unit = "{unit}", source = "measured" }}'
+        raise InputError(f"{name} needs value (a number), unit and source: {example}, got {item!r}")
+    value, unit = number_of(name, item["value"]), str(item["unit"])
+    if known and unit != known.unit:
+        raise InputError(f"{name} is in {known.unit!r}, not in {unit!r}")
+    return PhysicalParameter(name, value, unit, str(item["source"]))
+
+
+class Parameters(Mapping[str, float]):
+    """Values by dotted name, such as `main_rotor.lift_slope`; read-only."""
 
     def __init__(self, entries: Mapping[str, PhysicalParameter]) -> None:
         self._entries = dict(entries)
@@ -217,28 +257,25 @@ class Parameters(Mapping[str, float]):
 
     def entry(self, name: str) -> PhysicalParameter:
         """Return value, unit and source of one parameter."""
-        try:
-            return self._entries[name]
-        except KeyError:
-            raise UnknownNameError("parameter", name, sorted(self._entries)) from None
+        if name not in self._entries:
+            raise UnknownNameError("parameter", name, sorted(self._entries))
+        return self._entries[name]
 
     def word(self, name: str) -> str | float:
         """Return the word that is chosen of a parameter, such as "ideal"; else its number."""
-        return word_of(name, self[name])
+        words = words_of(name)
+        return words[int(self[name])] if words else self[name]
 
-    def replace(
-        self, changes: Mapping[str, float | str], source: str = "set by the user"
-    ) -> "Parameters":
-        """Return a copy with some values changed, and with them what was left out to be as they.
+    def replace(self, changes: Mapping[str, float | str]) -> "Parameters":
+        """Return a copy with changed values; parameters that follow one of them change too.
 
-        Raises:
-            UnknownNameError: no such parameter.
-            InputError: a value is not a finite number, or not among the words that it can be.
+        Raises UnknownNameError, or InputError if a value is no finite number or known word.
         """
         entries = dict(self._entries)
         for name, value in changes.items():
-            old = self.entry(name)
-            entries[name] = PhysicalParameter(name, number_of(name, value), old.unit, source)
+            entry = self.entry(name)
+            new = number_of(name, value)
+            entries[name] = replace(entry, value=new, source="set by the user")
         for name, known in glossary().items():
             follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {known.like}"
             if follows and known.like in changes:
@@ -246,26 +283,46 @@ class Parameters(Mapping[str, float]):
         return Parameters(entries)
 
 
-def read_parameters(*paths: Path) -> Parameters:
-    """Read parameter files (TOML); a later file adds to the earlier ones.
+def read_entries(path: Path, entries: dict[str, PhysicalParameter]) -> Iterator[str]:
+    """Add a TOML file's parameters to `entries`; yield each fault in words. Raises StorageError."""
+    for section, members in read_toml(path).items():
+        if not isinstance(members, dict):
+            yield f"{section} must stand in a section, such as [air]"
+            continue
+        for key, item in members.items():
+            name = f"{section}.{key}"
+            if name in entries:
+                yield f"parameter {name!r} is already defined"
+            try:
+                entries[name] = entry_of(name, item)
+            except InputError as error:
+                yield str(error)
 
-    Raises:
-        ModelError: a file is missing or malformed, or a name is defined twice.
+
+def read_parameters(*paths: Path) -> Parameters:
+    """Return the parameters of all these TOML files together.
+
+    Raises ModelError if a file is missing or malformed, or if a parameter stands in two.
     """
     entries: dict[str, PhysicalParameter] = {}
     for path in paths:
-        for name, entry in _read(path).items():
-            if name in entries:
-                raise ModelError(f"{path}: parameter {name!r} is already defined")
-            entries[name] = entry
+        try:
+            for fault in read_entries(path, entries):
+                raise ModelError(f"{path}: {fault}")
+        except StorageError as error:
+            raise ModelError(f"can't read parameters: {error}") from None
     return Parameters(entries)
 
 
-def untuned(parameters: Parameters) -> Parameters:
-    """Return the parameters with plain values for what is missing of the gyro's settings.
+def check_values(parameters: Mapping[str, float]) -> None:
+    """Raise ModelError on a value that the force laws can't have."""
+    for name, known in glossary().items():
+        if name in parameters and (fault := known.fault(parameters[name])):
+            raise ModelError(fault)
 
-    A vehicle can be calibrated and its gyro tuned with them; to fly it needs tuned ones.
-    """
+
+def untuned(parameters: Parameters) -> Parameters:
+    """Return the parameters with plain values for missing settings of the gyro, not fit to fly."""
     plain = {
         name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
         for name, known in glossary().items()
@@ -275,63 +332,17 @@ def untuned(parameters: Parameters) -> Parameters:
 
 
 def completed(parameters: Parameters) -> Parameters:
-    """Return the parameters with what a vehicle may leave out, and none under a former name.
-
-    Raises:
-        ModelError: a parameter stands there under its name and its former one.
-    """
-    given, following = parameters.entries(), []
+    """Return the parameters with those that a vehicle may leave out."""
+    given = parameters.entries()
     for name, known in glossary().items():
-        if known.now and name in given:
-            if known.now in given:
-                raise ModelError(f"{name} is the former name of {known.now}: leave one of them out")
-            given[known.now] = replace(given.pop(name), name=known.now)
-        if known.like:
-            following.append((name, known.like))
-        elif known.default is not None and name not in given:
+        if known.default is not None and name not in given:
             source = f"{_NOT_GIVEN}{known.because}"
             given[name] = PhysicalParameter(name, known.default, known.unit, source)
-    for name, other in following:
-        if name not in given and other in given:
-            given[name] = replace(given[other], name=name, source=f"{_NOT_GIVEN}as {other}")
+    for name, known in glossary().items():
+        if known.like in given and name not in given:
+            source = f"{_NOT_GIVEN}as {known.like}"
+            given[name] = replace(given[known.like], name=name, source=source)
     return Parameters(given)
-
-
-def _read(path: Path) -> dict[str, PhysicalParameter]:
-    try:
-        content = read_toml(path)
-    except StorageError as error:
-        raise ModelError(f"can't read parameters: {error}") from None
-    entries = {}
-    content.pop("roles", None)  # names, which `read_roles` reads
-    for section, members in content.items():
-        if not isinstance(members, dict):
-            raise ModelError(f"{path}: {section} must stand in a section, such as [air]")
-        for key, item in members.items():
-            name = f"{section}.{key}"
-            try:
-                value, unit, source = item["value"], str(item["unit"]), str(item["source"])
-                entry = PhysicalParameter(name, plain_number(name, value), unit, source)
-            except InputError as error:
-                raise ModelError(f"{path}: {error}") from None
-            except (TypeError, KeyError, ValueError):
-                raise ModelError(
-                    f"{path}: {name} needs value (a number), unit and source, got {item!r}"
-                ) from None
-            if not math.isfinite(entry.value):
-                raise ModelError(f"{path}: {name} must be finite, got {item['value']!r}")
-            fault = name_fault(name) or unit_fault_of(entry)
-            if fault:
-                raise ModelError(f"{path}: {fault}")
-            entries[name] = entry
-    return entries
-
-
-def unit_fault_of(entry: PhysicalParameter) -> str:
-    """Return what is wrong with a parameter's unit, "" if nothing is."""
-    known = term(entry.name)
-    fault = unit_fault(entry.unit, entry.value, known.unit) if known else ""
-    return f"{entry.name} {fault}" if fault else ""
 
 
 def to_toml(
@@ -340,195 +351,16 @@ def to_toml(
     *,
     comment: Callable[[str], Iterable[str]] = lambda _: (),
 ) -> str:
-    """Return parameters as the text of a parameter file, sections in order of appearance.
-
-    parameters: to be written; header: lines of the comment at the head; comment: returns the lines
-    of the comment above a parameter, by its name.
-    """
+    """Return parameters as a file's text; comment: returns the comment above one, by its name."""
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
     for section in dict.fromkeys(name.split(".")[0] for name in parameters):
         lines += ["", f"[{section}]"]
-        for name in parameters:
-            prefix, key = name.split(".")
-            if prefix != section:
-                continue
-            entry = parameters.entry(name)
-            lines += [f"# {line}" for line in comment(name)]
-            value = word_of(name, entry.value)
+        for name in (name for name in parameters if name.split(".")[0] == section):
+            entry, value = parameters.entry(name), parameters.word(name)
             written = json.dumps(value) if isinstance(value, str) else repr(value)
+            lines += [f"# {line}" for line in comment(name)]
             lines.append(
-                f"{key} = {{ value = {written}, unit = {json.dumps(entry.unit)}, "
+                f"{name.split('.')[1]} = {{ value = {written}, unit = {json.dumps(entry.unit)}, "
                 f"source = {json.dumps(entry.source)} }}"
             )
     return "\n".join(lines) + "\n"
-
-
-def check_settings(values: Mapping[str, float]) -> None:
-    """Check what a pilot can set on the gyro, by dotted names; other names are not looked at.
-
-    Raises:
-        InputError: a setting that the gyro does not have.
-    """
-    for name in values:
-        known = term(name)
-        if known and known.choices and not known.words and values[name] not in known.choices:
-            listed = ", ".join(map(str, known.choices))
-            raise InputError(f"{name} must be one of {listed}, got {values[name]:g}")
-        if known and known.share and not 0.0 < values[name] <= 1.0:
-            raise InputError(
-                f"{name} must be above 0 and at most 1, the whole travel, got {values[name]:g}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class GyroSettings:
-    """A pilot's settings of a three-axis gyro such as the CGY750; the defaults are the paper's.
-
-    The paper (Wu and Chen, section 2) names them and gives no meaning. The CGY750's manual has
-    "Swash AFR (rate)" among the basic settings of the swashplate: travel of aileron, elevator and
-    pitch, as share of the whole. Its flight modes are F3C, sports and 3D; that they count 1, 2, 3
-    in this order, and what they do inside, is chosen here.
-
-    Attributes:
-        flight_mode: how firmly roll and pitch attitude are kept. The cyclic integral is
-            multiplied by (flight_mode - 1) / 2: 3 (3D) locks the attitude, 2 (sports) does so
-            with half the gain, 1 (F3C) only damps the rates, as a stabilizer bar does, and
-            keeps the swashplate's trim.
-        pitch_rate: travel of the collective, above 0 to 1. Collective at the swashplate is the
-            stick times pitch_rate over the rate at which the gains hold, 0.4.
-        elevator_rate: travel of the longitudinal stick, above 0 to 1. The roll and pitch rates
-            that it commands are multiplied by elevator_rate / 0.6.
-        aileron_rate: travel of the lateral stick, above 0 to 1; likewise.
-        heading_lock: True keeps the heading (AVCS), False only damps the yaw rate.
-
-    Raises:
-        InputError: a setting that the gyro does not have.
-    """
-
-    flight_mode: int = 3
-    pitch_rate: float = 0.4
-    elevator_rate: float = 0.6
-    aileron_rate: float = 0.6
-    heading_lock: bool = True
-
-    def __post_init__(self) -> None:
-        check_settings(self.as_parameters())
-
-    @classmethod
-    def of(cls, parameters: Mapping[str, float]) -> "GyroSettings":
-        """Return the settings that a vehicle's parameters carry."""
-        return cls(
-            flight_mode=int(parameters["gyro.flight_mode"]),
-            pitch_rate=parameters["gyro.pitch_rate"],
-            elevator_rate=parameters["gyro.elevator_rate"],
-            aileron_rate=parameters["gyro.aileron_rate"],
-            heading_lock=bool(parameters["gyro.heading_lock"]),
-        )
-
-    def as_parameters(self) -> dict[str, float]:
-        """Return them by parameter name, such as "gyro.aileron_rate"."""
-        return {f"gyro.{name}": float(value) for name, value in asdict(self).items()}
-
-
-_WATT = {"kg": 1, "m": 2, "s": -3}
-_UNITS: tuple[tuple[dict[str, int], dict[str, float]], ...] = (
-    ({}, {"1": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}),
-    ({"rad": 1}, {"rad": 1.0} | dict.fromkeys(("deg", "degree", "degrees", "°"), RAD_PER_DEG)),
-    ({"rad": 1, "s": -1}, {"rpm": RAD_S_PER_RPM, "hz": 2.0 * math.pi}),
-    ({"s": 1}, {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}),
-    ({"m": 1}, {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
-    ({"m": 1}, {"in": METRE_PER_FOOT / 12.0, "inch": METRE_PER_FOOT / 12.0, "ft": METRE_PER_FOOT}),
-    ({"kg": 1}, {"kg": 1.0, "g": 1e-3}),
-    ({"kg": 1, "m": 1, "s": -2}, {"n": 1.0}),
-    (_WATT, {"w": 1.0, "kw": 1e3, "hp": 745.7}),
-    ({"a": 1}, {"a": 1.0}),
-    (_WATT | {"a": -1}, {"v": 1.0}),
-    (_WATT | {"a": -2}, {"ohm": 1.0, "ω": 1.0, "mohm": 1e-3, "mω": 1e-3}),
-)
-_BASE = {name: (each, powers) for powers, units in _UNITS for name, each in units.items()}
-_GLUED = {"kgm": "kg m", "nm": "n m", "nmm": "n mm", "gm": "g m", "rads": "rad s"}
-_FACTOR = re.compile(r"([a-zµ°%]+|1|-)(?:\^?(-?\d+))?")
-
-
-@dataclass(frozen=True)
-class WrittenUnit:
-    """A unit that was written: one of it in SI, and the powers of what it is made of."""
-
-    factor: float
-    powers: tuple[tuple[str, int], ...]
-
-    @classmethod
-    def of(cls, text: str) -> "WrittenUnit | None":
-        """Return the unit of a text such as "kg mm^2" or "N m/rad", None if it is none."""
-        plain = text.strip().lower().replace("²", "^2").replace("³", "^3").replace("μ", "µ")
-        over, *under = re.sub(r"[*·⋅()]", " ", plain).split("/")
-        factor, powers = 1.0, Counter[str]()
-        for part, sign in ((over, 1), *((part, -1) for part in under)):
-            for word in part.split():
-                found = _FACTOR.fullmatch(word)
-                if found is None:
-                    return None
-                names = _GLUED.get(found[1], found[1]).split()
-                exponents = [*[1] * (len(names) - 1), int(found[2] or 1)]
-                for name, exponent in zip(names, exponents):
-                    if name not in _BASE:
-                        return None
-                    each, made_of = _BASE[name]
-                    factor *= each ** (sign * exponent)
-                    for what, power in made_of.items():
-                        powers[what] += sign * exponent * power
-        return cls(factor, tuple(sorted((what, n) for what, n in powers.items() if n)))
-
-
-def unit_fault(unit: str, value: float, expected: str) -> str:
-    """Return what is wrong with the unit of a value, and what to write; "" if nothing is.
-
-    unit: as it was written; value: in it; expected: the unit that is read.
-    """
-    if unit == expected:
-        return ""
-    written, wanted = WrittenUnit.of(unit), WrittenUnit.of(expected)
-    if written is None or wanted is None or written.powers != wanted.powers:
-        return f"is in {expected!r}, not in {unit!r}"
-    factor = written.factor / wanted.factor
-    if math.isclose(factor, 1.0, rel_tol=1e-12):
-        return f"has its unit written {expected!r}, not {unit!r}"
-    return (
-        f"is in {expected!r}, not in {unit!r}: {value:g} {unit} are value = {value * factor:.6g}, "
-        f'unit = "{expected}"'
-    )
-
-
-_SEA_LEVEL_K = 288.15
-_SEA_LEVEL_PA = 101325.0
-_LAPSE_K_M = 0.0065
-_GAS_CONSTANT = 287.05287
-"""J/(kg K), of dry air."""
-_EXPONENT = STANDARD_GRAVITY / (_LAPSE_K_M * _GAS_CONSTANT)
-_TOP_M = 11000.0
-_ZERO_CELSIUS_K = 273.15
-
-
-def isa_density(altitude: float, *, temperature: float | None = None) -> float:
-    """Return the density of the air, kg/m^3 (ISO 2533, troposphere).
-
-    The parameter `air.density` takes it: `load(parameters={"air.density": isa_density(1500.0)})`.
-
-    Args:
-        altitude: pressure altitude, m above sea level.
-        temperature: of the air, K; the standard atmosphere's if None.
-
-    Raises:
-        InputError: the altitude is outside the troposphere, or the temperature out of range.
-    """
-    if not (math.isfinite(altitude) and -500.0 <= altitude <= _TOP_M):
-        raise InputError(f"altitude must be from -500 to {_TOP_M:g} m, got {altitude}")
-    standard = _SEA_LEVEL_K - _LAPSE_K_M * altitude
-    kelvin = standard if temperature is None else temperature
-    if not 150.0 <= kelvin <= 350.0:
-        raise InputError(
-            f"temperature must be from 150 to 350 K, got {kelvin:g} K; "
-            f"{_ZERO_CELSIUS_K:g} K is 0 degrees Celsius"
-        )
-    pressure = _SEA_LEVEL_PA * (standard / _SEA_LEVEL_K) ** _EXPONENT
-    return pressure / (_GAS_CONSTANT * kelvin)

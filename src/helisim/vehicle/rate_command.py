@@ -1,9 +1,6 @@
-"""Tune a gyro to a rate command: sticks that ask for a rate, and get it as fast as is safe.
+"""Tune a gyro to a rate command, k w_b / (s + w_b) with a delay on each axis, without coupling.
 
-For a vehicle of which nothing is published from the sticks. The response wanted of each axis is
-k w_b / (s + w_b) with a delay, without coupling; the search brings the exact linear model near it
-while the sensitivity |1 / (1 + L)| of each loop stays under a peak, which keeps its margins:
-a phase margin of 2 asin(1 / (2 M_S)) and a gain margin of M_S / (M_S - 1) at least.
+With sensitivity peak M_S, phase margin is 2 asin(1 / (2 M_S)), gain margin M_S / (M_S - 1).
 """
 
 from dataclasses import dataclass
@@ -19,12 +16,9 @@ from helisim.vehicle.vehicle import Vehicle
 _POINTS = 40
 _STEPS = 60
 _PHASE = "gyro.phase"
-_USUAL = 8.0
-"""rad/s, of a small helicopter; gains of a rate have its dimension, so others' are scaled by it."""
-_STIFFNESS = 10.0
-"""Weight of sensitivity above its peak against the relative error of the response."""
-_REACH = 0.01
-"""By how much the sensitivity's peak may be missed: less than 0.1 dB of gain margin."""
+_USUAL = 8.0  # rad/s, of a small helicopter; starts of gains are scaled by it
+_STIFFNESS = 10.0  # weight of sensitivity above its peak against response error
+_REACH = 0.01  # allowed excess of the sensitivity's peak: under 0.1 dB of gain margin
 
 
 _YAW_STARTS = {"gyro.k_p": 0.1, "gyro.k_i": 0.3}
@@ -37,27 +31,21 @@ _CYCLIC_STARTS = {
     "gyro.kd_lon": 0.001,
     _PHASE: 0.3,
 }
-STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}
-"""Setting that is solved for -> where the search starts for a usual helicopter, SI."""
+STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}  # setting -> start, SI
 
 
-@dataclass(frozen=True, kw_only=True)
+_RATE = {"lat": "p", "lon": "q", "ped": "r"}
+
+
+@dataclass(frozen=True)
 class Search:
-    """The aim of a search, on some axes.
+    """The aim of a search on some axes of IN1, where sensitivity is judged.
 
-    Attributes:
-        sticks: inputs of the response, IN2.
-        rates: outputs of the response, in the sticks' order.
-        gains: stick's unit to rad/s, the wanted steady response of each axis.
-        loops: servo commands at which the sensitivity is judged, IN1.
-        bandwidth: rad/s, w_b.
-        starts: setting -> where the search starts, SI.
+    gains: wanted steady rad/s per unit of each stick; bandwidth: w_b, rad/s; starts: of settings.
     """
 
-    sticks: tuple[str, ...]
-    rates: tuple[str, ...]
+    axes: tuple[str, ...]
     gains: tuple[float, ...]
-    loops: tuple[str, ...]
     bandwidth: float
     starts: dict[str, float]
 
@@ -65,31 +53,15 @@ class Search:
 def tune_rate_command(vehicle: Vehicle) -> Parameters:
     """Return the gyro's settings that make a vehicle's sticks command rates.
 
-    The vehicle's parameters state what is wanted: `tuning.cyclic_bandwidth` and
-    `tuning.yaw_bandwidth` (rad/s), `tuning.peak_sensitivity`, and the sticks' ranges
-    (`gyro.p_per_lat`, `gyro.q_per_lon`, `gyro.k_delta` over `gyro.k_a`).
-
-    Raises:
-        UnknownNameError: one of those is missing.
-        ModelError: no settings keep the sensitivity below its peak.
+    Wanted: `tuning.*` (bandwidths in rad/s), `gyro.p_per_lat`, `gyro.q_per_lon`, `gyro.k_delta`
+    over `gyro.k_a`. UnknownNameError: one is missing; ModelError: the peak can't be kept.
     """
     own = vehicle.parameters
-    yaw = Search(
-        sticks=("PED",),
-        rates=("r",),
-        gains=(own["gyro.k_delta"] / own["gyro.k_a"],),
-        loops=("ped",),
-        bandwidth=own["tuning.yaw_bandwidth"],
-        starts=_YAW_STARTS,
-    )
-    cyclic = Search(
-        sticks=("LAT", "LON"),
-        rates=("p", "q"),
-        gains=(own["gyro.p_per_lat"], own["gyro.q_per_lon"]),
-        loops=("lat", "lon"),
-        bandwidth=own["tuning.cyclic_bandwidth"],
-        starts=_cyclic_starts(own),
-    )
+    turn = (own["gyro.k_delta"] / own["gyro.k_a"],)
+    yaw = Search(("ped",), turn, own["tuning.yaw_bandwidth"], _YAW_STARTS)
+    roll, pitch = own["gyro.p_per_lat"], own["gyro.q_per_lon"]
+    bandwidth, starts = own["tuning.cyclic_bandwidth"], _cyclic_starts(own)
+    cyclic = Search(("lat", "lon"), (roll, pitch), bandwidth, starts)
     peak = own["tuning.peak_sensitivity"]
     settings = {**yaw.starts, **cyclic.starts}
     for search in (yaw, cyclic):  # whatever the vehicle was tuned to before
@@ -104,7 +76,6 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
 
 
 def _cyclic_starts(own: Parameters) -> dict[str, float]:
-    """Return where the search starts, by the bandwidth wanted and the way the rotor turns."""
     slow = _USUAL / own["tuning.cyclic_bandwidth"]
     scales = {"s/rad": slow, "s^2/rad": slow**2, "rad": own["main_rotor.direction"]}
     return {
@@ -114,15 +85,8 @@ def _cyclic_starts(own: Parameters) -> dict[str, float]:
 
 
 def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return |1 / (1 + L)| of the gyro's loop at one servo command, others closed, (n_freq,).
-
-    vehicle: trimmed; axis: of the servo command, such as "lat"; omega: rad/s, (n_freq,).
-    """
-    loop = vehicle.loop(axis)
-    a, b, c, d = (np.asarray(getattr(loop, name)) for name in "ABCD")
-    point = np.exp(1j * omega * loop.dt)[:, None, None]
-    positive = (c @ np.linalg.solve(point * np.eye(len(a)) - a, b) + d)[:, 0, 0]
-    return np.abs(1.0 / (1.0 - positive))
+    """Return |1 / (1 + L)| at a servo command, other loops closed; omega: rad/s; (n_freq,) each."""
+    return np.abs(1.0 / (1.0 - vehicle.cut(axis).response(omega)[0, 0]))
 
 
 def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
@@ -137,7 +101,7 @@ def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
         return dict(zip(names, (starts * np.where(turns, x[:-1], np.abs(x[:-1]))).tolist()))
 
     def unsafe(tried: Vehicle) -> NDArray[np.float64]:
-        felt = [sensitivity(tried, axis, wide) for axis in search.loops]
+        felt = [sensitivity(tried, axis, wide) for axis in search.axes]
         return np.maximum(0.0, np.concatenate(felt) - peak)
 
     def far(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,7 +113,7 @@ def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
     over = float(np.max(unsafe(vehicle.with_settings(setting(found)))))
     if over > _REACH:
         raise ModelError(
-            f"no gyro settings keep the sensitivity of {', '.join(search.loops)} below {peak:g}: "
+            f"no gyro settings keep the sensitivity of {', '.join(search.axes)} below {peak:g}: "
             f"{peak + over:.2f} is left; ask for less bandwidth than {search.bandwidth:g} rad/s "
             "or a higher peak"
         )
@@ -159,10 +123,8 @@ def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
 def _error(
     vehicle: Vehicle, search: Search, omega: NDArray[np.float64], *, delay: float
 ) -> NDArray[np.complex128]:
-    """Return the response's error, relative to what is wanted of each rate's own stick."""
-    linear = vehicle.linearize("IN2")
-    rows = [linear.system.output_labels.index(name) for name in search.rates]
-    columns = [linear.system.input_labels.index(name) for name in search.sticks]
+    sticks, rates = [one.upper() for one in search.axes], [_RATE[one] for one in search.axes]
+    found = vehicle.linearize("IN2").select(sticks, rates).response(omega)
     wanted = search.bandwidth / (1j * omega + search.bandwidth) * np.exp(-1j * delay * omega)
-    ratio = linear.response(omega)[np.ix_(rows, columns)] / wanted
-    return ratio / np.array(search.gains)[:, None, None] - np.eye(len(rows))[:, :, None]
+    ratio = found / wanted / np.array(search.gains)[:, None, None]
+    return ratio - np.eye(len(rates))[:, :, None]

@@ -1,8 +1,4 @@
-"""The vehicle with its controller as one sampled system: the exact linear model from sticks.
-
-Between two ticks of the gyro the servo commands are held, so the base helicopter is sampled
-exactly; the control law is sampled by itself. Nothing is approximated but the linearisation itself.
-"""
+"""The vehicle with its controller as one sampled system: the exact linear model from sticks."""
 
 import numpy as np
 
@@ -25,12 +21,8 @@ def close(
 ) -> Linearization:
     """Return the sampled system from the sticks to the motion, and to the law's commands.
 
-    Args:
-        base: from IN1 to the motion, continuous.
-        gyro: its law; see `Vehicle.gyro`.
-        imu: place of the accelerometer from the centre of gravity, m, body axes (FRD).
-        cut: name of one of the law's commands at which the loop is cut: the input of the result is
-            then what goes to that servo instead, its output what would have.
+    base: from IN1, continuous; gyro: `Vehicle.gyro`; imu: place from the centre of gravity, m, FRD;
+    cut: command at which the loop is cut: then the input, its output the law's answer.
     """
     whole = sensed_base(base, gyro, imu=imu).feedback(gyro, cut)
     whole = whole.select(IN2 if cut is None else (cut,), (*_TRUE.values(), *IN1))
@@ -52,18 +44,10 @@ def close(
 def sensed_base(
     base: Linearization, gyro: LinearSystem, *, imu: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> LinearSystem:
-    """Return the base helicopter as a law at its ticks sees it.
+    """Return the base helicopter as a law at its ticks sees it; arguments as of `close`.
 
-    Its outputs are the true motion, each "true p" and so on, then what a law senses: rates and
-    forces as late as the law says, forces only if it feels them, and where the servos are.
-
-    Args:
-        base: from IN1 to the motion, continuous.
-        gyro: whose period and delays of rates and forces it has.
-        imu: place of the accelerometer from the centre of gravity, m, body axes (FRD).
-
-    Raises:
-        ModelError: the rates' delay is not a whole number of periods.
+    Outputs: the true motion ("true p" and so on), then what a law senses, delayed as `gyro` says.
+    ModelError: the rates' delay is not a whole number of periods.
     """
     period, latency = gyro.sampled.period or 0.0, gyro.delays.get(RATES[0], 0.0)
     waits = round(latency / period)

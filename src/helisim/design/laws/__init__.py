@@ -1,70 +1,17 @@
 """Control laws as data: a file that can be read, compared, tuned, linearised and flown."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from helisim.base.linear import Linear as LinearLaw
-    from helisim.base.linear import LinearSystem as SampledLaw
-    from helisim.design.laws.attitude_command import (
-        AttitudeAxis,
-        AttitudeCommand,
-        HeaveAxis,
-        YawAxis,
-    )
-    from helisim.design.laws.law import (
-        Filter,
-        Law,
-        Lead,
-        Lowpass,
-        Notch,
-        TabledLaw,
-        law_of,
-        probed,
-        read_law,
-        register,
-    )
-    from helisim.design.laws.rate_command import CollectiveAxis, RateAxis, RateCommand, YawRateAxis
-    from helisim.design.laws.state_space import StateSpaceLaw
-
-_LINEAR = {"LinearLaw": "Linear", "SampledLaw": "LinearSystem"}
-_ATTITUDE = ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis")
-_RATE = ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis")
-_HOME_OF = {
-    **dict.fromkeys(_ATTITUDE, "attitude_command"),
-    **dict.fromkeys(_RATE, "rate_command"),
-    "StateSpaceLaw": "state_space",
-}
-"""Name -> module that has it; loaded on first use, as reading a file needs no simulator."""
-
-__all__ = [
-    "AttitudeAxis",
-    "AttitudeCommand",
-    "CollectiveAxis",
-    "Filter",
-    "HeaveAxis",
-    "Law",
-    "Lead",
-    "LinearLaw",
-    "Lowpass",
-    "Notch",
-    "RateAxis",
-    "RateCommand",
-    "SampledLaw",
-    "StateSpaceLaw",
-    "TabledLaw",
-    "YawAxis",
-    "YawRateAxis",
-    "law_of",
-    "probed",
-    "read_law",
-    "register",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _LINEAR:
-        return getattr(import_module("helisim.base.linear"), _LINEAR[name])
-    if name not in __all__:
-        raise AttributeError(f"module 'helisim.design.laws' has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME_OF.get(name, 'law')}"), name)
+from helisim.design.laws.attitude_command import AttitudeAxis as AttitudeAxis
+from helisim.design.laws.attitude_command import AttitudeCommand as AttitudeCommand
+from helisim.design.laws.attitude_command import HeaveAxis as HeaveAxis
+from helisim.design.laws.attitude_command import YawAxis as YawAxis
+from helisim.design.laws.law import Law as Law
+from helisim.design.laws.law import Lead as Lead
+from helisim.design.laws.law import law_of as law_of
+from helisim.design.laws.law import probed as probed
+from helisim.design.laws.law import read_law as read_law
+from helisim.design.laws.law import register as register
+from helisim.design.laws.rate_command import CollectiveAxis as CollectiveAxis
+from helisim.design.laws.rate_command import RateAxis as RateAxis
+from helisim.design.laws.rate_command import RateCommand as RateCommand
+from helisim.design.laws.rate_command import YawRateAxis as YawRateAxis
+from helisim.design.laws.state_space import StateSpaceLaw as StateSpaceLaw

@@ -1,25 +1,22 @@
-"""Rate command, attitude hold: the law of the gyros that the vehicles come with, as plain data.
-
-Its laws are those of `helisim.physics.gyro`, with numbers of its own: one made by `of` a vehicle
-flies as that does, to the last bit.
-"""
+"""Rate command, attitude hold: the law of `helisim.physics.gyro` as plain data."""
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from collections import namedtuple
+from dataclasses import MISSING, dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.linear import LinearSystem
-from helisim.design.laws.law import TabledLaw, not_negative, number, positive, probed, register
+from helisim.design.laws.law import Law, not_negative, number, positive, probed, register
 from helisim.physics.gyro import CYCLIC, YAW, gyro_law, rotate, unmix
 from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
 from helisim.records.record import IN2, RATES
 from helisim.vehicle.assembly import write_gyro_filters
-from helisim.vehicle.swashplate import as_it_is
+from helisim.vehicle.swashplate import PLATE, as_it_is
 from helisim.vehicle.trim import addresses, gyro_integrals
 
 if TYPE_CHECKING:
@@ -28,41 +25,28 @@ if TYPE_CHECKING:
 _STATES = SWASH_STATES + TAIL_STATES
 
 
-@known
-class Trimmed(NamedTuple):
-    """Behind the gyro's settings: servos in the trim, and the integrals that command it."""
-
-    front: float
-    left: float
-    right: float
-    tail: float
-    p_integral: float
-    q_integral: float
-    r_integral: float
-
+Trimmed = namedtuple("Trimmed", "front left right tail p_integral q_integral r_integral")
+"""Numbers behind the gyro's settings: servos in the trim, and the integrals that command it."""
+known(Trimmed)
 
 TRIMMED = len(PARAM)
-"""Where it stands in the settings."""
 SETTINGS = TRIMMED + len(Trimmed._fields)
 _AT = Trimmed(*range(TRIMMED, SETTINGS))
 
 
 @kernel()
 def rate_start(seen, state, settings):
-    """Begin with integrals that command where the servos stand; in the trim, to the last bit."""
-    trimmed = seen.front == settings[_AT.front] and seen.left == settings[_AT.left]
-    trimmed = trimmed and seen.right == settings[_AT.right] and seen.tail == settings[_AT.tail]
-    if trimmed:
-        state[CYCLIC.p_integral] = settings[_AT.p_integral]
-        state[CYCLIC.q_integral] = settings[_AT.q_integral]
-        state[SWASH_STATES + YAW.r_integral] = settings[_AT.r_integral]
-        return
-    _, lon, lat = unmix(settings, seen.front, seen.left, seen.right, PARAM.mix_front_col)
+    """Begin with integrals that command where the servos stand, from those of the trim."""
+    front, left = seen.front - settings[_AT.front], seen.left - settings[_AT.left]
+    right, tail = seen.right - settings[_AT.right], seen.tail - settings[_AT.tail]
+    _, lon, lat = unmix(settings, front, left, right, PARAM.mix_front_col)
     cosine, sine = settings[PARAM.gyro_phase_cosine], settings[PARAM.gyro_phase_sine]
     lat, lon = rotate(cosine, -sine, lat, lon)
-    state[CYCLIC.p_integral] = lat / settings[PARAM.gyro_ki_lat]
-    state[CYCLIC.q_integral] = lon / settings[PARAM.gyro_ki_lon]
-    state[SWASH_STATES + YAW.r_integral] = seen.tail / settings[PARAM.gyro_k_i]
+    p_off, q_off = lat / settings[PARAM.gyro_ki_lat], lon / settings[PARAM.gyro_ki_lon]
+    state[CYCLIC.p_integral] = settings[_AT.p_integral] + p_off
+    state[CYCLIC.q_integral] = settings[_AT.q_integral] + q_off
+    r_off = tail / settings[PARAM.gyro_k_i]
+    state[SWASH_STATES + YAW.r_integral] = settings[_AT.r_integral] + r_off
 
 
 COMPILED = KnownLaw(gyro_law, rate_start)
@@ -70,19 +54,14 @@ COMPILED = KnownLaw(gyro_law, rate_start)
 
 @dataclass(frozen=True, kw_only=True)
 class RateAxis:
-    """Roll or pitch: a rate is commanded.
+    """Roll or pitch: a whole stick, and the other axis's (`stick_cross`), ask for a rate, rad/s.
 
-    Attributes:
-        stick: rate that a whole stick asks for, rad/s.
-        stick_cross: rate that the other axis's whole stick asks for, rad/s.
-        k_p: command over the rate's error, s/rad.
-        k_i: command over its integral, 1/rad.
-        k_d: command over the rate's derivative, s^2/rad.
+    Gains are over the rate's error, s/rad, its integral, 1/rad, and the rate's derivative, s^2/rad.
     """
 
-    stick: float = number()
-    k_p: float = number()
-    k_i: float = positive()
+    stick: float = number(MISSING)
+    k_p: float = number(MISSING)
+    k_i: float = positive(MISSING)
     k_d: float = number(0.0)
     stick_cross: float = number(0.0)
 
@@ -91,20 +70,14 @@ class RateAxis:
 class YawRateAxis:
     """Yaw: ped = k_p e + k_i times e's integral, e = k_delta PED - k_a r, the rate led.
 
-    Attributes:
-        k_p: command over the error.
-        k_i: command over its integral, 1/s.
-        k_delta: gain of the pedals.
-        k_a: gain of the rate, s/rad.
-        lead: of the rate, s.
-        lead_filter: time constant that makes the lead proper, s.
-        heading_lock: 1 integrates the error, which keeps the heading; 0 doesn't.
+    `k_i` in 1/s, `k_a` in s/rad, lead and its filter's time constant in s; `heading_lock` 1
+    integrates the error, which keeps the heading, 0 doesn't.
     """
 
-    k_p: float = number()
-    k_i: float = positive()
-    k_delta: float = number()
-    k_a: float = number()
+    k_p: float = number(MISSING)
+    k_i: float = positive(MISSING)
+    k_delta: float = number(MISSING)
+    k_a: float = number(MISSING)
     lead: float = not_negative(0.0)
     lead_filter: float = positive(0.0025)
     heading_lock: float = not_negative(1.0)
@@ -112,33 +85,19 @@ class YawRateAxis:
 
 @dataclass(frozen=True, kw_only=True)
 class CollectiveAxis:
-    """Heave: the stick moves the collective.
-
-    Attributes:
-        stick: collective of a whole stick, unitised.
-    """
+    """Heave: collective of a whole stick, unitised."""
 
     stick: float = number(1.0)
 
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RateCommand(TabledLaw):
+class RateCommand(Law):
     """Rate command, attitude hold, as the vehicles' gyros have it.
 
-    Attributes:
-        lat: roll.
-        lon: pitch.
-        ped: yaw.
-        col: heave.
-        phase: angle by which integrals and derivatives of (lat, lon) are turned to what the
-            swashplate gets, rad.
-        filter: time constant of the low-pass of the cyclic rates, s.
-        derivative_filter: of that of their derivatives, s.
-        attitude_lock: by which the cyclic integrals are multiplied: 1 keeps the attitude.
-        anti_windup: whether an integral stands still while its command is at its limit.
-        name: for messages and records; by itself the kind.
-        provenance: how it was made, plain data.
+    Integrals and derivatives of (lat, lon) are turned by `phase`, rad, to the swashplate's; filters
+    are time constants of low-passes, s; `attitude_lock` is a factor of the cyclic integrals:
+    1 keeps the attitude.
     """
 
     kind: ClassVar[str] = "rate_command"
@@ -155,7 +114,7 @@ class RateCommand(TabledLaw):
 
     @classmethod
     def of(cls, vehicle: "Vehicle") -> Self:
-        """Return the law of a vehicle's own gyro, as it is set."""
+        """Return the law of a vehicle's own gyro; it flies as that does, to the last bit."""
         own = vehicle.parameters
         par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
 
@@ -185,29 +144,23 @@ class RateCommand(TabledLaw):
         )
 
     def linear(self, period: float) -> LinearSystem:
-        """Return what it does about a trim, at ticks that are a period (s) apart."""
+        """Return the law about a trim, at ticks that are a period (s) apart."""
         settings = self.numbers(period)
-        as_it_is().write(settings)
+        settings[PLATE] = as_it_is().numbers
         return probed(COMPILED, settings, _STATES, period, (*RATES, *IN2))
 
     def on(self, vehicle: "Vehicle") -> "Controller":
         """Return the controller that flies it on a vehicle."""
-        from helisim.vehicle import Controller
-
         settings = self.numbers(vehicle.parameters["gyro.period"])
         plate, trim = vehicle.swashplate, vehicle.trim
-        plate.write(settings)
+        settings[PLATE] = plate.numbers
         settings[TRIMMED:] = Trimmed(
             *plate.mix(trim.col, trim.lon, trim.lat), trim.ped, *gyro_integrals(settings, trim)
         )
-        return Controller(COMPILED, states=_STATES, settings=settings, name=self.name, written=self)
+        return self._flown(COMPILED, _STATES, settings)
 
     def numbers(self, period: float) -> NDArray[np.float64]:
-        """Return the compiled law's settings, (n_settings,), but for swashplate and trim.
-
-        Args:
-            period: s, of its ticks.
-        """
+        """Return the compiled law's settings at a period (s), (n_settings,), trim left out."""
         settings = np.zeros(SETTINGS)
         by_slot = {
             "period": period,

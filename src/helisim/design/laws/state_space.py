@@ -2,23 +2,24 @@
 
     commands = C x + D seen,    x+ = A x + B seen + W (limited - commands)
 
-where seen and commands count from the trim. With W the input matrix of an observer, the observer
-sees what the servos got (K. Astrom and R. Murray, Feedback Systems, 2nd edition, 2021, ch. 11).
+Seen and commands count from the trim. W: K. Astrom and R. Murray, Feedback Systems, 2nd edition,
+2021, ch. 11.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import namedtuple
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import FrozenMap, Value, check, from_plain, setting, to_plain
-from helisim.design.laws.law import LIMIT, Law, named, register
+from helisim.base.settings import Value, setting
+from helisim.design.laws.attitude_kernel import PLATE_NUMBERS
+from helisim.design.laws.law import LIMIT, Law, register
 from helisim.physics.gyro import Seen, mix, unmix
 from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
@@ -29,10 +30,8 @@ if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle
 
 Matrix = NDArray[np.float64]
-KNOWN = tuple(name for name in Seen._fields if name != "time")
-"""What a law may see."""
+KNOWN = tuple(name for name in Seen._fields if name != "time")  # inputs that a law may have
 _MATRICES = ("a", "b", "c", "d", "windup", "start")
-_MOST = 400
 
 
 @register
@@ -40,26 +39,15 @@ _MOST = 400
 class StateSpaceLaw(Law, Value):
     """A control law as sampled matrices; see the module for its equations. Read-only.
 
-    Attributes:
-        period: s, of the ticks that it is made for.
-        inputs: what it sees, by the names of `Seen`; counted from the trim.
-        a: (n_state, n_state).
-        b: (n_state, n_in).
-        c: (4, n_state), to col, lon, lat, ped, unitised, counted from the trim's.
-        d: (4, n_in).
-        windup: (n_state, 4), W: what the states learn of commands beyond their limits; none
-            if empty.
-        start: (n_state, 4): the state that it starts with over the commands that stand then,
-            so that a restart moves no servo; none if empty.
-        limits: of the whole commands col, lon, lat, ped, unitised.
-        name: for messages and records.
-        provenance: how it was made, plain data.
+    a, b, c, d are (n_state, n_state), (n_state, n_in), (4, n_state), (4, n_in), at a `period`, s;
+    `windup`, W, and `start`, the first state over the commands that stand then, are (n_state, 4) or
+    empty; `inputs` are names of `Seen`; `limits` are of the whole col, lon, lat, ped, unitised.
 
-    Raises:
-        InputError: shapes don't fit, something isn't finite, or no such thing is seen.
+    Raises InputError if shapes don't fit, something isn't finite, or an input is unknown.
     """
 
     kind: ClassVar[str] = "state_space"
+    not_tuned: ClassVar[tuple[str, ...]] = ("period",)
     period: float = setting(above=0.0)
     inputs: tuple[str, ...] = setting(choices=KNOWN)
     a: Matrix
@@ -69,18 +57,13 @@ class StateSpaceLaw(Law, Value):
     windup: Matrix = field(default_factory=lambda: np.zeros((0, 4)))
     start: Matrix = field(default_factory=lambda: np.zeros((0, 4)))
     limits: tuple[float, float, float, float] = setting((LIMIT,) * 4, above=0.0)
-    name: str = "state_space"
-    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check(self, self.kind)
-        object.__setattr__(self, "provenance", _frozen(self.provenance))
-        inputs, n = self.inputs, len(self.a) if self.a.ndim else _MOST + 1
+        super().__post_init__()
+        inputs, n = self.inputs, len(np.atleast_1d(self.a))
         if not inputs or len(set(inputs)) < len(inputs):
             names = ", ".join(inputs) or "none"
             raise InputError(f"inputs must be names of what is seen, none twice; got {names}")
-        if n > _MOST:
-            raise InputError(f"a must be a square matrix of up to {_MOST} rows, got {n}")
         shapes = [(n, n), (n, len(inputs)), (4, n), (4, len(inputs)), (n, 4), (n, 4)]
         for name, shape in zip(_MATRICES, shapes):
             matrix = getattr(self, name)
@@ -92,44 +75,11 @@ class StateSpaceLaw(Law, Value):
                 raise InputError(f"{name} must be {shape[0]} by {shape[1]}, got {matrix.shape}")
 
     def __repr__(self) -> str:
-        seen = ", ".join(self.inputs)
-        return f"StateSpaceLaw({self.name!r}: {self.order} states, each {self.period:g} s: {seen})"
-
-    @property
-    def order(self) -> int:
-        """How many states it has."""
-        return len(self.a)
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return a law of what stands in its file, kind and version left out.
-
-        Raises:
-            InputError: something is missing, unknown or of the wrong kind.
-        """
-        named(cls, content)
-        return from_plain(cls, content, cls.kind)
-
-    def content(self) -> dict[str, Any]:
-        """Return what stands in its file, kind and version left out."""
-        plain = to_plain(self)
-        names = ["name", "period", "inputs", "limits", "a", "b", "c", "d"]
-        names += [name for name in ("windup", "start") if np.any(getattr(self, name))]
-        names += ["provenance"] if self.provenance else []
-        return {name: plain[name] for name in names}
-
-    def parameters(self) -> dict[str, float]:
-        """Return none: its matrices belong together, and `lqg` makes them of its own numbers."""
-        return {}
-
-    def replace(self, changes: Mapping[str, float]) -> Self:
-        """Return itself. Raises UnknownNameError: it has no parameters."""
-        for name in changes:
-            raise UnknownNameError("parameter of the law", name, ())
-        return self
+        seen, order = ", ".join(self.inputs), len(self.a)
+        return f"StateSpaceLaw({self.name!r}: {order} states, each {self.period:g} s: {seen})"
 
     def linear(self, period: float) -> LinearSystem:
-        """Return what it does about a trim. Raises InputError at ticks that aren't its own."""
+        """Return the law about a trim. Raises InputError at ticks that aren't its own."""
         self._check_period(period)
         return LinearSystem(self.a, self.b, self.c, self.d, self.period, self.inputs, IN1)
 
@@ -141,12 +91,7 @@ class StateSpaceLaw(Law, Value):
             )
 
     def on(self, vehicle: "Vehicle") -> "Controller":
-        """Return the controller that flies it on a vehicle, about its trim.
-
-        Raises:
-            InputError: the vehicle's gyro ticks at another period.
-        """
-        from helisim.vehicle import Controller
+        """Return the controller that flies it; InputError if the vehicle's gyro ticks otherwise."""
         from helisim.vehicle.swashplate import SERVOS
         from helisim.vehicle.trim import collective_stick, steady_force
 
@@ -157,61 +102,28 @@ class StateSpaceLaw(Law, Value):
         steady = dict.fromkeys(Seen._fields, 0.0) | {"phi": trim.phi, "theta": trim.theta}
         steady |= dict(zip((*ACCELERATIONS, *SERVOS, "tail"), (*felt, *servos)))
         steady["COL"] = collective_stick(vehicle.model, trim)
-        settings = state_space_settings(
-            [getattr(self, name) for name in _MATRICES],
-            [Seen._fields.index(name) for name in self.inputs],
-            [steady[name] for name in self.inputs],
-            [trim.col, trim.lon, trim.lat, trim.ped],
-            self.limits,
-            plate.numbers,
+        matrices = [getattr(self, name) for name in _MATRICES]
+        settings = np.concatenate(
+            [
+                [len(self.a), len(self.inputs)],
+                [trim.col, trim.lon, trim.lat, trim.ped],
+                self.limits,
+                plate.numbers,
+                [Seen._fields.index(name) for name in self.inputs],
+                [steady[name] for name in self.inputs],
+                *(one.ravel() for one in matrices),
+            ],
+            dtype=np.float64,
         )
-        return Controller(
-            COMPILED, states=self.order, settings=settings, name=self.name, written=self
-        )
+        return self._flown(COMPILED, len(self.a), settings)
 
 
-def _frozen(data: Any) -> Any:
-    """Return plain data that can't be changed."""
-    if isinstance(data, Mapping):
-        return FrozenMap({str(key): _frozen(item) for key, item in data.items()})
-    return tuple(map(_frozen, data)) if isinstance(data, list | tuple) else data
+Layout = namedtuple("Layout", "states inputs trim limit plate rest")
+"""Addresses in the settings before the matrices: counts, trim, limits, plate."""
+known(Layout)
 
-
-_COMMANDS = 4
-_PLATE = 21
-
-
-@known
-class Layout(NamedTuple):
-    """Where the numbers stand in the settings before the matrices: counts, trim, limits, plate."""
-
-    states: int
-    inputs: int
-    trim: int
-    limit: int
-    plate: int
-    rest: int
-
-
-LAYOUT = Layout(0, 1, 2, 2 + _COMMANDS, 2 + 2 * _COMMANDS, 2 + 2 * _COMMANDS + _PLATE)
-_HEADING = 6
-"""Place of psi in `Seen`."""
-
-
-def state_space_settings(
-    matrices: Sequence[NDArray[np.float64]],
-    places: Sequence[int],
-    steady: Sequence[float],
-    trim: Sequence[float],
-    limits: Sequence[float],
-    plate: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the settings of the compiled law, (n_settings,); arguments are as of the law, each."""
-    counts = [len(matrices[0]), len(places)]
-    return np.concatenate(
-        [counts, trim, limits, plate, places, steady, *(one.ravel() for one in matrices)],
-        dtype=np.float64,
-    )
+LAYOUT = Layout(0, 1, 2, 6, 10, 10 + PLATE_NUMBERS)
+_HEADING = 6  # place of psi in `Seen`
 
 
 @kernel()
@@ -225,7 +137,7 @@ def sensed(seen, settings, k):
 
 @kernel()
 def row_times(settings, first, count, values):
-    """Return the sum of a matrix's row, which begins somewhere in the settings, times values."""
+    """Return the sum of a matrix's row, from address `first`, times values."""
     total = 0.0
     for k in range(count):
         total += settings[first + k] * values[k]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,26 +20,14 @@ UNITS: Mapping[str, str] = {
     "bandwidth": "rad/s",
     "phase_delay": "s",
 }
-"""Figure -> unit."""
-_TAIL = 0.025
-"""Share of the draws beyond either end. A figure of a flat curve, such as the crossover of a loop
-whose gain stays near one, scatters far from normally: an interval of standard deviations holds 68
-to 90 % of such, one reflected about the value 47 %, percentiles 94 % and more."""
-_LOST = 0.1
-"""Where a larger share of the draws don't have the figure, it has no interval."""
-_EDGE = 1.05
-"""What lies nearer to an end of a curve's band, as a ratio, is not seen: noise may have made it."""
+_TAIL = 0.025  # share of the draws beyond either end
+_LOST = 0.1  # largest share of draws without the figure
+_EDGE = 1.05  # ratio of frequencies: nearer to an end of a curve's band nothing is seen
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A measured figure.
-
-    Attributes:
-        value: as measured.
-        low, high: ends of the 95 % interval, the same unit; not finite where the records don't
-            bound it.
-    """
+    """A measured figure with its 95 % interval, not finite where the records don't bound it."""
 
     value: float
     low: float
@@ -47,15 +35,10 @@ class Interval:
 
 
 def interval(value: float, samples: NDArray[np.float64]) -> Interval:
-    """Return the interval of a figure: between percentiles of its samples.
+    """Return the interval of a figure between percentiles of its samples, (n_draw,).
 
-    A highest value, such as DRP, is too high by noise already, and in the draws once more: the ends
-    are the outer ones of the percentiles and of those corrected for bias (B. Efron, "Nonparametric
-    standard errors and confidence intervals", Canadian Journal of Statistics 9, 1981, section 7).
-
-    Args:
-        value: as measured.
-        samples: (n_draw,) of the draws; not finite where one doesn't have the figure.
+    Ends are the outer ones of plain and bias-corrected percentiles: B. Efron, "Nonparametric
+    standard errors and confidence intervals", Canadian Journal of Statistics 9, 1981, section 7.
     """
     there = samples[np.isfinite(samples)]
     if there.size < (1.0 - _LOST) * samples.size:
@@ -68,80 +51,66 @@ def interval(value: float, samples: NDArray[np.float64]) -> Interval:
 
 
 def intervals(loop: Any, of: Callable[[Any], Mapping[str, float]]) -> dict[str, Interval]:
-    """Return figures of a loop with their intervals.
+    """Return figures of a `MeasuredLoop` with their intervals. Raises NoResponse.
 
-    Args:
-        loop: measured, a `MeasuredLoop`.
-        of: what is asked of a loop, such as `lambda one: criterion.rate(one).figures`.
-
-    Raises:
-        NoResponse: the loop doesn't know what they ask for.
+    `of` returns the figures of a loop, such as `lambda one: criterion.rate(one).figures`.
     """
-    nominal = of(loop)
-    each: dict[str, list[float]] = {name: [] for name in nominal}
-    for one in loop.draws:
+
+    def asked(one: Any) -> Mapping[str, float]:
         try:
-            found = of(one)
+            return of(one)
         except NoResponse:
-            found = {}
-        for name, values in each.items():
-            values.append(found.get(name, np.nan))
-    return {name: interval(value, np.array(each[name])) for name, value in nominal.items()}
+            return {}
+
+    nominal, samples = of(loop), [asked(one) for one in loop.draws]
+    return {
+        name: interval(value, np.array([one.get(name, np.nan) for one in samples]))
+        for name, value in nominal.items()
+    }
 
 
-class Asked(NamedTuple):
-    """A response of a loop, and what is asked of it.
+def curve_of(loop: Loop, kind: str, axis: str, at: str = "actuators") -> Curve:
+    """Return the response of a `kind`, "broken", "disturbance" or "command". Raises NoResponse."""
+    return loop.broken(axis, at) if kind == "broken" else getattr(loop, kind)(axis)
 
-    Attributes:
-        kind: "broken", "disturbance" or "command".
-        axis: of control.
-        at: where the loop is cut.
+
+def figures_of(loop: Loop, kind: str, axis: str, at: str = "actuators") -> dict[str, float]:
+    """Return a response's figures, NaN outside of the curve's band. Raises NoResponse.
+
+    `kind` is as for `curve_of`; `at` is where a broken loop is cut.
     """
+    curve = curve_of(loop, kind, axis, at)
+    own = curve.frequency
 
-    kind: str
-    axis: str
-    at: str
+    def inside(frequency: float) -> bool:
+        return bool(own[0] * _EDGE < frequency < own[-1] / _EDGE)
 
-    def curve(self, loop: Loop) -> Curve:
-        """Return the response. Raises NoResponse."""
-        if self.kind == "broken":
-            return loop.broken(self.axis, self.at)
-        return getattr(loop, self.kind)(self.axis)
-
-    def __call__(self, loop: Loop) -> dict[str, float]:
-        """Return the figures, NaN where the curve's band doesn't hold them. Raises NoResponse."""
-        curve = self.curve(loop)
-        own = curve.frequency
-
-        def inside(frequency: float) -> bool:
-            return bool(own[0] * _EDGE < frequency < own[-1] / _EDGE)
-
-        match self.kind:
-            case "broken":
-                # of the crossings that were seen alone: how near -1 the curve may come beyond its
-                # band is a bound, no measurement
-                found = figures.margins(curve)
-                gain, phase = (
-                    min(all_, key=lambda one: abs(one[1]), default=(np.nan, np.nan))
-                    for all_ in (found.gain, found.phase)
-                )
-                sign = 1.0 if found.stable else -1.0
-                told = {
-                    "crossover": (found.crossover, bool(found.phase) and inside(found.crossover)),
-                    "phase_margin": (sign * np.degrees(abs(phase[1])), inside(phase[0])),
-                    "gain_margin": (sign * abs(gain[1]), inside(gain[0])),
-                }
-            case "disturbance":
-                seen = figures.rejection(curve)
-                crossed = inside(seen.bandwidth) and curve.decibel.min() < figures.HALF_POWER
-                told = {
-                    "DRB": (seen.bandwidth, crossed),
-                    "DRP": (seen.peak, inside(seen.peak_frequency)),
-                }
-            case _:
-                quick = figures.bandwidth(curve)
-                told = {
-                    "bandwidth": (quick.rate, inside(quick.rate) and inside(quick.neutral)),
-                    "phase_delay": (quick.delay, 2.0 * quick.neutral <= own[-1]),
-                }
-        return {name: float(value) if known else np.nan for name, (value, known) in told.items()}
+    match kind:
+        case "broken":
+            # of the crossings that were seen alone: how near -1 the curve may come beyond its
+            # band is a bound, no measurement
+            found = figures.margins(curve)
+            gain, phase = (
+                min(all_, key=lambda one: abs(one[1]), default=(np.nan, np.nan))
+                for all_ in (found.gain, found.phase)
+            )
+            sign = 1.0 if found.stable else -1.0
+            told = {
+                "crossover": (found.crossover, bool(found.phase) and inside(found.crossover)),
+                "phase_margin": (sign * np.degrees(abs(phase[1])), inside(phase[0])),
+                "gain_margin": (sign * abs(gain[1]), inside(gain[0])),
+            }
+        case "disturbance":
+            seen = figures.rejection(curve)
+            crossed = inside(seen.bandwidth) and curve.decibel.min() < figures.HALF_POWER
+            told = {
+                "DRB": (seen.bandwidth, crossed),
+                "DRP": (seen.peak, inside(seen.peak_frequency)),
+            }
+        case _:
+            quick = figures.bandwidth(curve)
+            told = {
+                "bandwidth": (quick.rate, inside(quick.rate) and inside(quick.neutral)),
+                "phase_delay": (quick.delay, 2.0 * quick.neutral <= own[-1]),
+            }
+    return {name: float(value) if known else np.nan for name, (value, known) in told.items()}

@@ -2,7 +2,7 @@
 
 from helisim.sim.missions.autopilot import Autopilot
 from helisim.sim.missions.mission import MISSIONS, Mission, Start, check_mission, missions_by_name
-from helisim.sim.missions.shipped import Autorotation, Forward, Pirouette, TakeOffHoverLand
+from helisim.sim.missions.shipped import Autorotation, Forward, TakeOffHoverLand
 
 __all__ = [
     "MISSIONS",
@@ -10,7 +10,6 @@ __all__ = [
     "Autorotation",
     "Forward",
     "Mission",
-    "Pirouette",
     "Start",
     "TakeOffHoverLand",
     "check_mission",

@@ -1,6 +1,6 @@
-"""A mission is a script that a pilot flies, shipped or your own; and what it reached.
+"""Missions: scripts that a pilot flies, shipped or your own; and what a flight reached.
 
-A mission of your own is a frozen dataclass with a method `fly`, a generator:
+One of your own is a frozen dataclass with a method `fly`, a generator:
 
     @dataclass(frozen=True, kw_only=True)
     class Square(Mission):
@@ -11,9 +11,6 @@ A mission of your own is a frozen dataclass with a method `fly`, a generator:
             for north, east in ((1, 0), (1, 1), (0, 1), (0, 0)):
                 yield from pilot.go(self.side * north, self.side * east)
                 yield from pilot.hold(1.0)
-
-Its fields are its settings: in provenance, plan files and on the command line. The script is asked
-at each tick of the pilot, 50 times a second; the rest of the flight is native.
 """
 
 import math
@@ -40,19 +37,14 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.trim import Motion, Trim, addresses
 
 MISSIONS: dict[str, type["Mission"]] = {}
-"""Every mission by the name of its class; a subclass of `Mission` joins on its definition."""
+"""Every mission by the name of its class; subclasses join on their definition."""
 _TICK = 0.02  # s between two looks of the pilot, as of a radio link: 50 Hz
 _LOST = 1.4  # rad, of roll or pitch, beyond which a script is not asked any more
 _AIRBORNE = 0.05  # m, of clearance from which on a helicopter has been in the air
 
 
 class Start(NamedTuple):
-    """How a mission begins.
-
-    Attributes:
-        height: m above the ground, of the origin; None: the weather's.
-        speed: m/s, of level flight north.
-    """
+    """A mission's first height, m above the ground (None: the weather's), and speed north, m/s."""
 
     height: float | None = None
     speed: float = 0.0
@@ -60,14 +52,7 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Mission:
-    """A flight by a script; subclass it to fly your own.
-
-    Attributes:
-        duration: s, after which the flight ends if the script has not.
-
-    Raises:
-        InputError: on its definition, a class has the name of a mission from elsewhere.
-    """
+    """A flight by a script, ended after `duration`, s; subclass it to fly your own."""
 
     duration: float = setting(unit="s", low=1.0, high=1e6)
 
@@ -75,7 +60,7 @@ class Mission:
     start: ClassVar[Start] = Start()
     """How it begins; a property where this depends on the settings."""
     ground: ClassVar[Ground | None] = None
-    """What is below where a plan doesn't say it; None flies in the air alone."""
+    """The ground where a plan doesn't say it; None flies in the air alone."""
     engine: ClassVar[bool] = False
     """Whether a motor turns the rotor, whatever the vehicle's own `drive.governor`."""
 
@@ -92,12 +77,8 @@ class Mission:
         return mission_name(type(self))
 
     def fly(self, pilot: Autopilot) -> Iterator[None]:
-        """Fly: ask the pilot for something, and yield for each tick, or `yield from` its methods.
-
-        Args:
-            pilot: that flies it, with what it sees.
-        """
-        raise NotImplementedError
+        """Fly: ask the pilot for something, and yield for each tick, or `yield from` methods."""
+        raise NotImplementedError  # a plan refuses a mission without it
 
 
 def mission_name(kind: type[Mission]) -> str:
@@ -122,20 +103,16 @@ def check_mission(mission: Any) -> None:
     check_plain(mission)
     if not mission.duration >= 1.0:
         raise InputError(f"duration of {kind} must be at least 1 s, got {mission.duration:g}")
-    start = mission.start
-    if start.height is not None and not 0.0 <= start.height < math.inf:
-        raise InputError(f"{kind} must start 0 m or more above the ground, got {start.height:g} m")
-    if not 0.0 <= start.speed < math.inf:
-        raise InputError(f"{kind} must start at 0 m/s or more, got {start.speed:g}")
+    height, speed = mission.start
+    if not (0.0 <= (height or 0.0) < math.inf and 0.0 <= speed < math.inf):
+        raise InputError(
+            f"{kind} must start at 0 m or more above the ground and 0 m/s or more, got {height} "
+            f"and {speed}"
+        )
 
 
 class ScriptedPilot:
-    """Commands a flight by a mission's script.
-
-    Attributes:
-        commands: for `flight.steps`: every so many steps the script is asked.
-        failure: how the script failed, None if it didn't.
-    """
+    """Commands a flight by a mission's script; `failure` says how that failed, or is None."""
 
     def __init__(
         self,
@@ -152,8 +129,9 @@ class ScriptedPilot:
         every = max(1, round(_TICK / model.opt.timestep))
         felt = () if ground is None else ((1, self._feel),)
         self.commands = (*felt, (every, self._tick))
-        self._mission, self._ground, self._where = mission, ground, addresses(model)
-        shape = outline(vehicle)
+        level = ground is None or (ground.deck is None and ground.slope == 0.0)
+        self._mission, self._where = mission, addresses(model)
+        self._uneven, shape = None if level else ground, outline(vehicle)
         self._points, self._radii = shape.points + vehicle.imu_offset, shape.radii
         self._par = model.actuator_user[self._where.rotor]
         self._par[PARAM.pilot_on] = HANDS_OFF_ROTOR
@@ -162,14 +140,11 @@ class ScriptedPilot:
         loop = OuterLoop(vehicle, model, trim, self._where.rotor)
         self._pilot = Autopilot(loop, self._seen(data), every * model.opt.timestep)
         self._finished, self._ticks = False, self._asked()
-        self._wanted: list[tuple[float, ...]] = []
 
     @property
     def script(self) -> Script:
-        """What the script did."""
-        wanted = np.array(self._wanted).reshape(-1, 5)
-        finished = self._finished and self.failure is None
-        return Script(tuple(self._pilot.phases), wanted, finished)
+        """The script's phases and whether it finished."""
+        return Script(tuple(self._pilot.phases), self._finished and self.failure is None)
 
     def _feel(self, _: mujoco.MjData) -> None:
         self._touched = self._touched or bool(self._contact.any())
@@ -185,17 +160,11 @@ class ScriptedPilot:
         self._finished = next(self._ticks, True)
         if self._finished:
             return True
-        wanted = pilot.wanted
-        where = (wanted.north, wanted.east) if wanted.holds_place else (math.nan, math.nan)
-        held = wanted.holds_height and wanted.collective is None
-        down = wanted.down if held else math.nan
-        self._wanted.append((pilot.time, *where, down, wanted.heading))
         self._par[PARAM.pilot_col : PARAM.pilot_ped + 1] = pilot.sticks(seen)
-        data.ctrl[self._where.control + ROTOR] = wanted.rotor
+        data.ctrl[self._where.control + ROTOR] = pilot.wanted.rotor
         return False
 
     def _asked(self) -> Iterator[bool]:
-        """Yield False for each tick of the script; end with it, or where it raises."""
         yield False  # it begins as it is
         try:
             script = self._mission.fly(self._pilot)
@@ -203,9 +172,10 @@ class ScriptedPilot:
                 kind = type(self._mission).__name__
                 raise InputError(f"{kind}.fly must yield for each tick of the pilot")
             for _ in script:
-                if unsound := self._pilot.wanted.unsound:
-                    self.failure = Failure(f"wants {unsound}", "")
-                    return
+                for name, value in vars(self._pilot.wanted).items():
+                    if value is not None and not math.isfinite(value):
+                        self.failure = Failure(f"wants {name} = {value}", "")
+                        return
                 yield False
         except InputError:
             raise
@@ -213,82 +183,57 @@ class ScriptedPilot:
             self.failure = raised(error)
 
     def _seen(self, data: mujoco.MjData) -> Sight:
-        """Return what the pilot sees: the motion as `read_motion`'s, in a tenth of its time."""
+        """Return what the pilot sees; the motion equals that of `read_motion`."""
         matrix = np.empty(9)
         mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
         turn = FLIPS * matrix.reshape(3, 3)
-        north_rate, east_rate, down_rate = flip(*data.qvel[:3].tolist())
-        u, v, w = (np.array((north_rate, east_rate, down_rate)) @ turn).tolist()
+        v_north, v_east, v_down = flip(*data.qvel[:3].tolist())
+        u, v, w = (np.array((v_north, v_east, v_down)) @ turn).tolist()
         p, q, r = flip(*data.qvel[3:6].tolist())
         (xx, _, _), (yx, _, _), (zx, zy, zz) = turn.tolist()
         phi, psi = math.atan2(zy, zz), math.atan2(yx, xx)
         theta = -math.asin(min(1.0, max(-1.0, zx)))
-        north, east, down = flip(*data.qpos[:3].tolist())
+        north, east, down = place = flip(*data.qpos[:3].tolist())
         motion = Motion(u, v, w, p, q, r, phi, theta, psi, north, east, down)
         points = self._points @ turn.T
-        if self._ground is None or self._ground.is_level:
+        if self._uneven is None:
             lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
-            clearance = -down - lowest
+            clearance = -motion.down - lowest
         else:
-            points += (north, east, down)
-            above = self._ground.heights(np.array([data.time]), points[None])[0]
+            points += place
+            above = self._uneven.heights(np.array([data.time]), points[None])[0]
             clearance = float((above - self._radii).min(initial=math.inf))
         if self._par[PARAM.drive_governor]:
             rotor = float(data.act[self._where.state + STATE.speed])
         else:
             rotor = float(data.ctrl[self._where.control + ROTOR])
         return Sight(
-            time=float(data.time),
-            motion=motion,
-            north_rate=north_rate,
-            east_rate=east_rate,
-            down_rate=down_rate,
-            clearance=clearance,
-            touches=self._touched,
-            rotor_speed=rotor,
+            float(data.time), motion, v_north, v_east, v_down, clearance, self._touched, rotor
         )
 
 
 @dataclass(frozen=True)
 class TouchDown:
-    """How the landing gear met the ground.
-
-    Attributes:
-        at: s.
-        sink: m/s, at which the lowest point of the gear came down on it.
-        ground_speed: m/s.
-        phi: roll angle, rad.
-        theta: pitch angle, rad.
-    """
+    """A touch-down at a time, s; sink of the gear's lowest point and speed over the ground, m/s."""
 
     at: float
     sink: float
     ground_speed: float
-    phi: float
-    theta: float
 
 
 @dataclass(frozen=True, eq=False)
 class Reached(Value):
-    """What a flight of a mission reached, of the true trajectory.
+    """A mission's results, of the true trajectory.
 
     Attributes:
-        finished: whether the script came to its end.
         phases: times, s, and what the script said then.
-        place_error: m, the most that the helicopter was away from where it was to be, level; None
-            where it was to be nowhere.
-        height_error: m, likewise upwards or downwards.
-        heading_error: rad.
         top_speed: m/s, over the ground.
         rotor_speed: the lowest and the highest, over the nominal one.
-        touch_down: how it landed; None if it never touched the ground.
+        touch_down: None if it never touched the ground.
     """
 
     finished: bool
     phases: tuple[tuple[float, str], ...]
-    place_error: float | None
-    height_error: float | None
-    heading_error: float
     top_speed: float
     rotor_speed: tuple[float, float]
     touch_down: TouchDown | None
@@ -298,58 +243,36 @@ class Reached(Value):
         """Return what a flight of a mission reached."""
         assert flight.script is not None
         last = float(flight.time[-1])  # a script goes on behind a flight's early end
-        wanted = flight.script.wanted[flight.script.wanted[:, 0] <= last]
-        earth, arm = flight.earth, flight.imu_offset
-        positions = flight.positions - earth.apply(arm)  # of the centre of gravity
-        velocities = earth.apply(flight.velocities - np.cross(flight.rates, arm))
-        place = np.column_stack(
-            [np.interp(wanted[:, 0], flight.time, positions[:, k]) for k in range(3)]
-        )
-        psi = np.interp(wanted[:, 0], flight.time, flight.attitudes[:, 2])
-        off = np.abs(place - wanted[:, 1:4])
-        turned = np.abs(np.mod(psi - wanted[:, 4] + np.pi, 2.0 * np.pi) - np.pi)
-        speeds = flight.rotor[:, 4]
+        own = flight.velocities - np.cross(flight.rates, flight.imu_offset)
+        velocities, speeds = flight.earth.apply(own), flight.rotor[:, 4]
         return cls(
             finished=flight.script.finished and flight.end is None,
             phases=tuple(one for one in flight.script.phases if one[0] <= last),
-            place_error=_most(np.hypot(off[:, 0], off[:, 1])),
-            height_error=_most(off[:, 2]),
-            heading_error=float(turned.max()),
             top_speed=float(np.hypot(velocities[:, 0], velocities[:, 1]).max()),
             rotor_speed=(float(speeds.min()), float(speeds.max())),
             touch_down=_touch_down(vehicle, flight, velocities),
         )
 
     def __str__(self) -> str:
-        """Return it in a line."""
-        parts = ["" if self.finished else "the script did not end"]
-        if self.place_error is not None:
-            parts.append(f"place within {self.place_error:.2f} m")
-        if self.height_error is not None:
-            parts.append(f"height within {self.height_error:.2f} m")
-        parts.append(f"heading within {math.degrees(self.heading_error):.1f} deg")
-        parts.append(f"up to {self.top_speed:.1f} m/s")
         low, high = (round(100.0 * one) for one in self.rotor_speed)
-        if (low, high) != (100, 100):
-            parts.append(f"rotor at {low} to {high} %")
-        if (landed := self.touch_down) is not None:
-            parts.append(
+        landed = self.touch_down
+        parts = {
+            "the script did not end": not self.finished,
+            f"up to {self.top_speed:.1f} m/s": True,
+            f"rotor at {low} to {high} %": (low, high) != (100, 100),
+        }
+        said = [text for text, holds in parts.items() if holds]
+        if landed is not None:
+            said.append(
                 f"touch-down at {landed.at:.2f} s, sinking at {landed.sink:.2f} m/s, "
                 f"{landed.ground_speed:.2f} m/s over the ground"
             )
-        return ", ".join(filter(None, parts))
-
-
-def _most(values: NDArray[np.float64]) -> float | None:
-    """Return the greatest number of those that are numbers; None if none is."""
-    held = values[np.isfinite(values)]
-    return float(held.max()) if held.size else None
+        return ", ".join(said)
 
 
 def _touch_down(
     vehicle: Vehicle, flight: Trajectory, velocities: NDArray[np.float64]
 ) -> TouchDown | None:
-    """Return how the gear first met the ground after it was in the air."""
     shape = outline(vehicle)
     above = point_heights(flight.ground or Ground(), flight, shape.points) - shape.radii
     lowest = above.min(axis=1)
@@ -359,6 +282,4 @@ def _touch_down(
         return None
     k = max(int(np.argmax(down)), 1)
     sink = float(lowest[k - 1] - lowest[k]) / flight.timestep
-    north, east, _ = (float(one) for one in velocities[k - 1])
-    phi, theta, _ = (float(one) for one in flight.attitudes[k])
-    return TouchDown(float(flight.time[k]), sink, math.hypot(north, east), phi, theta)
+    return TouchDown(float(flight.time[k]), sink, float(np.hypot(*velocities[k - 1, :2])))

@@ -1,4 +1,4 @@
-"""The shipped missions: out and back, turns on the spot, take-off and landing, an autorotation."""
+"""The shipped missions: out and back, take-off and landing, an autorotation."""
 
 import math
 from collections.abc import Iterator
@@ -10,32 +10,21 @@ from helisim.sim.ground import Ground
 from helisim.sim.missions.autopilot import Autopilot, Sight
 from helisim.sim.missions.mission import Mission, Start
 
-_LOWEST = -0.44
-"""Collective stick, unitised, that a pilot who governs the rotor's speed doesn't go below."""
-_WINDMILL = -0.42  # Collective stick, unitised, about which the rotor's speed is kept
-_SPEED_GAIN = 1.6
-"""Collective stick, unitised, for a rotor that turns faster by the whole of its speed."""
+_LOWEST, _WINDMILL, _SPEED_GAIN = -0.44, -0.42, 1.6
+"""Collective stick, unitised: its floor and middle in a descent, and its gain on rotor speed."""
 _SLOWING, _BRAKING = 5.5, 7.0
-"""m/s^2, at which collective takes the descent away at the end, and speed is, at most."""
+"""m/s^2, at most, of the descent's end and of the speed's."""
 _RUN, _SINK = 0.5, 0.4  # m/s, over the ground and downwards, with which it is to touch down
 _LAST = 0.1  # m, of clearance below which no height is left to slow down in
 _SHORTEST = 0.6  # s, in which speed is taken away at least
 _LEVEL, _LEVELLED, _LEVELLING = 1.0, 0.03, 0.35
-"""m, of clearance below which the helicopter is level within so many rad, so that its tail doesn't
-strike; rad of tilt for each metre above."""
+"""m, of clearance below which it is level, against a strike of the tail; rad; rad a metre above."""
 _TILT = 0.55  # rad, that is asked for at most
 
 
 @dataclass(frozen=True, kw_only=True)
 class Forward(Mission):
-    """Fly straight ahead at a speed, stop, turn round and fly back in the same way.
-
-    Attributes:
-        duration: s, at most.
-        speed: m/s over the ground.
-        cruise: s at that speed.
-        acceleration: m/s^2 at most.
-    """
+    """Fly straight ahead at a speed, stop, turn round and fly back in the same way."""
 
     duration: float = setting(90.0, unit="s", low=1.0)
     speed: float = setting(15.0, unit="m/s", above=0.0)
@@ -61,39 +50,8 @@ class Forward(Mission):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pirouette(Mission):
-    """Turn on the spot, holding place and height.
-
-    Attributes:
-        duration: s, at most.
-        turns: how many times, to the right; negative to the left.
-        rate: rad/s.
-    """
-
-    duration: float = setting(40.0, unit="s", low=1.0)
-    turns: float = 2.0
-    rate: float = setting(1.0, unit="rad/s", above=0.0)
-
-    def fly(self, pilot: Autopilot) -> Iterator[None]:
-        """Turn."""
-        pilot.say("hover")
-        yield from pilot.hold(1.0)
-        pilot.say("turning")
-        yield from pilot.turn(2.0 * math.pi * self.turns, rate=self.rate)
-        pilot.say("hover")
-        yield from pilot.hold(2.0)
-
-
-@dataclass(frozen=True, kw_only=True)
 class TakeOffHoverLand(Mission):
-    """Climb from the pad, hover, and land where it took off.
-
-    Attributes:
-        duration: s, at most.
-        height: m above the ground, of the hover.
-        hover: s.
-        rate: m/s, of climb and descent.
-    """
+    """Climb from the pad, hover, and land where it took off."""
 
     duration: float = setting(60.0, unit="s", low=1.0)
     height: float = setting(4.0, unit="m", above=0.0)
@@ -114,13 +72,7 @@ class TakeOffHoverLand(Mission):
 class Autorotation(Mission):
     """Lose the engine in the air, and land without it.
 
-    A motor turns the rotor (`drive.governor = "motor"`), whatever the vehicle has, until its
-    throttle is cut. The pilot lowers collective after his time of reaction, keeps the rotor's speed
-    with it and the airspeed with the cyclic, gives both speeds back in the flare, and cushions the
-    touch-down with what the rotor still has.
-
     Attributes:
-        duration: s, at most.
         height: m above the ground, of the origin, where the engine fails.
         speed: m/s, of level flight then.
         reaction: s until the pilot moves a stick.
@@ -140,7 +92,7 @@ class Autorotation(Mission):
 
     @property
     def start(self) -> Start:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """At the height and speed at which the engine fails, a second before."""
+        """The height and speed at which the engine fails, a second before."""
         return Start(self.height, self.speed)
 
     def fly(self, pilot: Autopilot) -> Iterator[None]:
@@ -155,7 +107,7 @@ class Autorotation(Mission):
         wanted.holds_place = False
         pilot.say("glide")
         while _needed(pilot.seen) < _SLOWING and not pilot.seen.touches:
-            wanted.go_ahead(self.glide, 0.0)
+            wanted.go(wanted.ahead, self.glide, 0.0)
             wanted.tilt, wanted.collective = _TILT, self._governed(pilot)
             yield
         pilot.say("flare")
@@ -165,7 +117,6 @@ class Autorotation(Mission):
         yield from pilot.settle()
 
     def _flare(self, pilot: Autopilot) -> None:
-        """Ask for what takes both speeds away until the ground is met."""
         seen, wanted = pilot.seen, pilot.wanted
         speed = math.cos(wanted.heading) * seen.north_rate
         speed += math.sin(wanted.heading) * seen.east_rate
@@ -173,17 +124,15 @@ class Autorotation(Mission):
         seconds = max(_SHORTEST, 2.0 * seen.clearance / (sink + _SINK))
         braking = min(_BRAKING, max(0.0, speed - _RUN) / seconds)
         tilted = pilot.loop.gravity / (pilot.loop.gravity + needed)
-        wanted.go_ahead(speed, -tilted * braking)
+        wanted.go(wanted.ahead, speed, -tilted * braking)
         wanted.tilt = min(_TILT, _LEVELLED + _LEVELLING * max(0.0, seen.clearance - _LEVEL))
         wanted.collective = max(self._governed(pilot), pilot.carrying_collective(needed))
 
     def _governed(self, pilot: Autopilot) -> float:
-        """Return the collective stick that keeps the rotor's speed, unitised."""
         off = pilot.seen.rotor_speed - self.rotor_speed
         return max(_LOWEST, _WINDMILL + _SPEED_GAIN * off)
 
 
 def _needed(seen: Sight) -> float:
-    """Return the deceleration that ends the descent at the ground, m/s^2."""
     height, sink = max(_LAST, seen.clearance), max(seen.down_rate, _SINK)
     return min(2.0 * _SLOWING, (sink**2 - _SINK**2) / (2.0 * height))
