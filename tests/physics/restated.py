@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot
-from helisim.physics.layout import DOUBLET, HISTORY, INJECTION, PARAM, STATE, SWEEP
+from helisim.physics.layout import DOUBLET, HANDS_OFF_ROTOR, HISTORY, INJECTION, PARAM, STATE, SWEEP
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
@@ -83,14 +83,18 @@ def turbulence(p):
     return c, (follows - unit) / lags[:, None], b / lags[:, None]
 
 
+def gust(since, rise, hold):
+    """Return the share of a gust's strength, floats or (n,): half a cosine up, half a one down."""
+    knots = np.cumsum([0.0, rise, hold, rise])
+    return 0.5 - 0.5 * np.cos(np.pi * np.interp(since, knots, [0.0, 1.0, 1.0, 0.0]))
+
+
 def air(m):
     """Return the air's velocity and rotation, body axes, (6,)."""
     p = m.p
     velocity, rates = m.wind.copy(), np.zeros(3)
     if p.gust_rise > 0.0:
-        since = m.time - p.gust_start
-        knots = np.cumsum([0.0, p.gust_rise, p.gust_hold, p.gust_rise])
-        share = 0.5 - 0.5 * np.cos(np.pi * np.interp(since, knots, [0.0, 1.0, 1.0, 0.0]))
+        share = gust(m.time - p.gust_start, p.gust_rise, p.gust_hold)
         velocity += share * np.array([p.gust_north, p.gust_east, p.gust_down])
     if p.turbulence_on:
         turn = Rotation.from_euler("z", np.arctan2(p.turbulence_sine, p.turbulence_cosine))
@@ -184,7 +188,7 @@ def control(m):
     if not m.tick:
         return ctrl, act
     if p.pilot_on:
-        ctrl[:4], ctrl[8] = sticks(m), 1.0
+        ctrl[:4], ctrl[8] = sticks(m), 1.0 if p.pilot_on != HANDS_OFF_ROTOR else ctrl[8]
     if p.gyro_on:
         m.ctrl = ctrl
         (lat, lon, ped), moved = gyro(m)

@@ -173,6 +173,24 @@ def test_the_governor_is_its_known_law(commanded, speed, throttle, integral, rat
     assert found == pytest.approx((rate, growth), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("current", "share"), [(0.9, 1.0), (0.95, 1.0), (0.98, 0.4), (1.0, 0.0), (1.2, 0.0)]
+)
+def test_the_integral_waits_for_the_currents_limit(current, share):
+    """Over its limit; by the throttle that drives so much through the resistance at a speed."""
+    par = block(**{**MAXON, "drive_current_limit": 30.0, "main_speed": 100.0})
+    volts = 30.0 * current * 1.13 + 0.5 * 100.0 / (158.0 * RAD_S_PER_RPM)
+    throttle = volts / 48.0
+    assert drive.growth_share(par, throttle, throttle, 0.5, 0.01) == pytest.approx(
+        min(share, (1.0 - throttle) / 0.05), abs=1e-9
+    )
+
+
+def test_friction_dies_with_the_speed():
+    par = block(drive_friction=0.3)
+    assert [drive.friction(par, speed) for speed in (0.0, 0.01, 0.02, 1.3)] == [0.0, 0.15, 0.3, 0.3]
+
+
 @pytest.mark.parametrize("name", ["RK4", "Euler"])
 def test_a_rotor_without_load_runs_down_as_profile_drag_has_it(motor, name):
     """Omega = Omega0 / (1 + k t), the closed form of a torque that goes with Omega^2.

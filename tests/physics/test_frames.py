@@ -44,6 +44,13 @@ def test_euler_angles_are_scipys(free, phi, theta, psi):
     assert frames.euler_angles(matrix) == pytest.approx((phi, theta, psi), abs=bound)
 
 
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_straight_up_and_down_are_right_angles(up):
+    """Where rounding makes a sine a little more than 1."""
+    _, theta, _ = frames.euler_angles([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, up * (1.0 + 4e-16), 0.0, 0.0])
+    assert theta == up * 0.5 * np.pi
+
+
 @given(phi=roll, theta=pitch, psi=yaw, u=number, v=number, w=number)
 def test_to_world_is_the_field_rotation(free, phi, theta, psi, u, v, w):
     """North, east and down of a body vector are those of the aerospace 3-2-1 rotation."""

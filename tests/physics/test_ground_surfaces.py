@@ -182,17 +182,13 @@ def test_a_box_of_any_attitude_is_its_upper_face(level, seed):
 
 
 def test_what_nothing_can_touch_is_no_ground():
-    """Drawn planes and the vehicle's own parts don't count; then the plane at height 0 does."""
+    """Drawn planes, ceilings and the vehicle's own parts don't count; one half of a touch does."""
 
     def drawn(spec, vehicle):
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=[0, 0, 1],
-            pos=[0, 0, 5.0],
-            contype=0,
-            conaffinity=0,
-            group=1,
-        )
+        plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
+        spec.worldbody.add_geom(pos=[0, 0, 0.9], contype=0, conaffinity=0, group=1, **plane)
+        spec.worldbody.add_geom(pos=[0, 0, 5.0], quat=[0, 1, 0, 0], **plane)
+        spec.worldbody.add_geom(pos=[0, 0, 0.2], contype=1, conaffinity=0, **plane)
         body = spec.body("jr700")
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -204,9 +200,21 @@ def test_what_nothing_can_touch_is_no_ground():
 
     vehicle = effect()
     model = vehicle.grounded_model(drawn)
-    assert inflow(model, (0, 0, 1.0)) == pytest.approx(
-        inflow(vehicle.model, (0, 0, 1.0)), rel=1e-12
-    )
+    # without any surface the ground is at height 0
+    expected = inflow(vehicle.model, (0, 0, 0.8))
+    assert inflow(model, (0, 0, 1.0)) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.3])
+def test_the_hub_of_a_leaning_shaft_is_where_the_axes_say(level, lean):
+    """Shaft upright, the body leans back: its hub stands over a deck's edge at its own height."""
+    deck = (False, [0, 0, 19.75], [1, 0, 0, 0], [5.0, 5.0, 0.25])
+    model = scene(deck)
+    par = model.actuator_user[model.actuator("rotor").id]
+    par[[PARAM.shaft_cosine, PARAM.shaft_sine, PARAM.hub_x]] = math.cos(lean), math.sin(lean), 0.2
+    hub = np.array([5.0, 0.0, 21.0])
+    found = inflow(model, hub - HUB - [0.2, 0.0, 0.0], turn([0, 1, 0], -lean))
+    assert found == pytest.approx(level(math.sqrt(2.0)), rel=1e-12)  # half of the disc
 
 
 @pytest.mark.parametrize("height", [0.4, 1.0, 5.0])

@@ -1,4 +1,4 @@
-"""The gyro's laws, one by one."""
+"""The gyro's filters, the swashplate's mixing and the servos' delay."""
 
 import math
 
@@ -9,90 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from helisim.physics import gyro
-from helisim.physics.layout import NEVER, PARAM
-from helisim.vehicle.swashplate import PLATE
 from plates import H3_120
 
-PERIOD, LEAD, FILTER, FAST, SLOW = 0.002, 0.0109, 0.002, 0.004, 0.006
-K_P, K_I, K_DELTA, K_A = 0.9, 17.0, 2.0, 0.3
-SETTINGS = np.zeros(len(PARAM))
-for slot, number in {
-    "period": PERIOD,
-    "k_p": K_P,
-    "k_i": K_I,
-    "k_delta": K_DELTA,
-    "k_a": K_A,
-    "lead": LEAD,
-    "lead_share": gyro.filter_share(FILTER, PERIOD),
-    "lead_lag": gyro.held_lag(FILTER, PERIOD),
-    "heading_lock": 1.0,
-    "attitude_lock": 1.0,
-    "hold_above": NEVER,
-    "filter_share": gyro.filter_share(FAST, PERIOD),
-    "filter_mean": gyro.filter_mean(FAST, PERIOD),
-    "derivative_share": gyro.filter_share(SLOW, PERIOD),
-    "derivative_through": gyro.filter_through(FAST, SLOW, PERIOD),
-    "derivative_lag": gyro.held_lag(SLOW, PERIOD),
-    "kp_lat": 0.05,
-    "ki_lat": 1.3,
-    "p_per_lat": 6.0,
-    "phase_cosine": 1.0,
-}.items():
-    SETTINGS[getattr(PARAM, f"gyro_{slot}")] = number
-SETTINGS[PLATE] = H3_120.numbers
-NOTHING = gyro.Seen(*[0.0] * len(gyro.Seen._fields))
-
-
-def response(law, states, name, omega):
-    """Return the frequency response of a linear law from one of the numbers that it sees."""
-    columns = []
-    for unit in 1e-3 * np.eye(states + 1):  # far from the commands' limits
-        state = unit[:states].copy()
-        command = law(NOTHING._replace(**{name: unit[states]}), state, SETTINGS)
-        columns.append([command, *state])
-    found = 1e3 * np.array(columns).T
-    z = np.exp(1j * omega * PERIOD)
-    state = np.linalg.solve(z * np.eye(states) - found[1:, :states], found[1:, states])
-    return found[0, :states] @ state + found[0, states]
-
-
-@pytest.mark.parametrize("omega", [0.5, 5.0, 50.0])
-def test_yaw_law_is_the_papers_with_a_lead(omega):
-    """Eq. (7), ped = (k_p + k_I/s)(k_delta PED - k_a r), the rate led in its proportional part.
-
-    What is left is half a period of the filter, where the integral takes the lead from it.
-    """
-    s = 1j * omega
-    lag = gyro.held_lag(FILTER, PERIOD)
-    left = 0.5 * omega * PERIOD * omega * (LEAD + lag)
-    pedal = response(gyro.yaw_law, 2, "PED", omega)
-    assert pedal == pytest.approx((K_P + K_I / s) * K_DELTA, rel=left)
-    rate = response(gyro.yaw_law, 2, "r", omega)
-    led = (1.0 + (LEAD + lag) * s) / (1.0 + lag * s)
-    assert rate == pytest.approx(-(K_P + K_I / s) * K_A * led, rel=left)
-
-
-@pytest.mark.parametrize("omega", [0.5, 5.0, 50.0])
-def test_cyclic_law_is_rate_tracking(omega):
-    """(Kp + Ki/s)(R d - y), y the rate behind its filter and held: design, section 5.
-
-    The integral is that of the filter's output within the period too; what is left is of second
-    order in the period. The derivative's sampling is in the tests of the restated dynamics.
-    """
-
-    def lat(seen, state, settings):
-        front, left, right = gyro.cyclic_law(seen, state, settings)
-        assert front == pytest.approx(-0.5 * (left + right), abs=1e-15)  # no collective
-        return (left - right) / math.sqrt(3.0)
-
-    s = 1j * omega
-    hold = -np.expm1(-s * PERIOD) / (s * PERIOD)
-    y = hold / (FAST * s + 1.0)
-    left = (omega * PERIOD) ** 2
-    found = response(lat, 6, "p", omega)
-    assert found == pytest.approx(-(0.05 + 1.3 / s) * y, rel=left)
-    stick = response(lat, 6, "LAT", omega)
-    assert stick == pytest.approx(6.0 * (0.05 + 1.3 * hold / s), rel=left)
+FREQUENCY, DAMPING = 175.0, 0.7
+unit = st.floats(-1.0, 1.0)
 
 
 @given(
@@ -126,3 +46,19 @@ def test_held_lag_is_the_lag_of_the_sampled_filter(period):
         late = ramp - state
         state = decay * state + (1.0 - decay) * ramp
     assert late == pytest.approx(gyro.held_lag(time_constant, period), rel=1e-9)  # settled
+
+
+@given(col=unit, lon=unit, lat=unit)
+def test_unmix_undoes_mix(col, lon, lat):
+    """From swashplate to servos and back is the identity, to rounding."""
+    assert H3_120.unmix(*H3_120.mix(col, lon, lat)) == pytest.approx((col, lon, lat), abs=1e-15)
+
+
+@given(omega=st.floats(0.1, 10.0))
+def test_equivalent_delay_is_the_low_frequency_phase(omega):
+    """Well below its bandwidth the servo's phase is that of a delay 2 z / w."""
+    phase = -np.angle(FREQUENCY**2 / (FREQUENCY**2 - omega**2 + 2j * DAMPING * FREQUENCY * omega))
+    delay = gyro.equivalent_delay(FREQUENCY, DAMPING)
+    assert delay == pytest.approx(0.008, rel=1e-12)  # 8 ms (design, section 5)
+    # next term of the phase is of relative order (omega / frequency)^2
+    assert phase / omega == pytest.approx(delay, rel=(omega / FREQUENCY) ** 2 + 1e-12)

@@ -6,8 +6,12 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import CallbackError, ModelError
+from helisim.physics import laws
+from helisim.physics.gyro import cyclic_law, yaw_law
 from helisim.physics.laws import OwnLaw, is_registered, token
+from helisim.physics.layout import HISTORY, INJECTION, PARAM, STATE
 from helisim.vehicle import Controller
+from helisim.vehicle.trim import Motion, addresses, write_motion
 
 
 def test_a_law_is_known_until_it_is_released():
@@ -41,3 +45,58 @@ def test_a_failed_law_leaves_the_servos_where_they_were(jr700):
     assert given == [1.0, 2.0, 3.0]
     assert np.isnan(data.sensor("servo_command").data).all()
     assert data.ctrl[4:8].tolist() == [0.2, 0.2, 0.3, 0.4]
+
+
+def test_a_law_is_given_its_numbers_by_name():
+    assert list(laws._seen_at(range(18))) == [*range(18)]
+
+
+def flown(vehicle, controller, steps=8):
+    """Return the servos' commands at each step, (n, 4), and the last states, of moving sticks."""
+    model, where = vehicle.model.__copy__(), addresses(vehicle.model)
+    hs.set_controller(model, controller)
+    data, rows = vehicle.hovering(), []
+    data.act[where.state + STATE.gyro_q_filter : where.state + STATE.gyro_r_integral + 1] = 0.0
+    with hs.installed():
+        for k in range(steps):
+            data.ctrl[where.control : where.control + 4] = 0.03 * np.sin(k + np.arange(4.0))
+            mujoco.mj_step(model, data)
+            rows.append(data.ctrl[where.control + 4 : where.control + 8].copy())
+    return np.array(rows), data.act[where.state :]
+
+
+@pytest.mark.parametrize("own", [("swash",), ("tail",), ("swash", "tail")])
+def test_copies_of_the_gyros_halves_fly_as_it_does(jr700, own):
+    """Each law has its own servos and states, beside the other half, shipped or not."""
+    copies = {"swash": lambda *seen: cyclic_law(*seen), "tail": lambda *seen: yaw_law(*seen)}
+    par = jr700.model.actuator_user[addresses(jr700.model).rotor, : len(PARAM)]
+    controller = Controller(**{place: copies[place] for place in own}, settings=par)
+    expected, state = flown(jr700, Controller())
+    found, own_state = flown(jr700, controller)
+    assert found == pytest.approx(expected, rel=1e-13, abs=1e-15)
+    own_state[STATE.feels_x : STATE.law_tick] = state[STATE.feels_x : STATE.law_tick]
+    assert own_state == pytest.approx(state, rel=1e-9, abs=1e-15)
+    assert np.ptp(expected, axis=0).min() > 1e-4
+
+
+def test_a_manoeuvres_disturbance_is_seen(altered):
+    """Rates and attitude with what it adds, the heading within half a turn; nothing else moves."""
+    model, rows = altered(excitation=HISTORY), []
+
+    def watch(seen):
+        rows.append(np.array(seen))
+        return 0.0, 0.0, 0.0, 0.0
+
+    hs.set_controller(model, Controller(watch))
+    added = np.array([0.1, -0.2, 0.3, 0.04, -0.05, 0.5])
+    for share, psi in ((0.0, 3.0), (1.0, 3.0), (0.0, -3.0), (-1.0, -3.0)):
+        data = mujoco.MjData(model)
+        write_motion(model, data, Motion(p=0.2, q=0.3, r=0.4, phi=0.1, theta=0.2, psi=psi))
+        data.userdata[INJECTION.rate_p : INJECTION.angle_psi + 1] = share * added
+        with hs.installed():
+            mujoco.mj_forward(model, data)
+    for plain, seen, sign in ((*rows[:2], 1.0), (*rows[2:], -1.0)):
+        expected = plain.copy()
+        expected[1:7] += sign * added
+        expected[6] -= sign * 2.0 * np.pi
+        assert seen == pytest.approx(expected, abs=1e-14)

@@ -80,3 +80,18 @@ def test_remnant_is_continuous_with_unit_variance():
     values = np.array([remnant(t, interval, 4.0, 1) for t in time])
     # 20000 independent knots; kurtosis of a mixture of neighbours stays below 3
     assert abs(values.var() - 1.0) < SIGMAS * math.sqrt(2.0 / 20_000)
+
+
+def test_a_sweep_fades_in_and_out():
+    """A sine of its phase, which begins at 0, under a trapezium; nothing before and after."""
+    time = np.linspace(-2.0, DURATION + 2.0, 2001)
+    shape = np.interp(time, [0.0, 3.0, DURATION - 3.0, DURATION], [0.0, 1.0, 1.0, 0.0])
+    phase = [pilot.sweep_phase(t, DURATION, W_MIN, W_MAX) for t in time]
+    found = [pilot.sweep(t, DURATION, W_MIN, W_MAX, 3.0, 0.0, 1.0) for t in time]
+    assert found == pytest.approx(shape * np.sin(phase), abs=1e-12)  # rounding
+    assert pilot.sweep_phase(0.0, DURATION, W_MIN, W_MAX) == 0.0
+
+
+def test_a_doublet_is_as_long_one_way_as_the_other():
+    found = [pilot.doublet(t, 3.0) for t in (-0.1, 0.0, 0.7, 1.49, 1.5, 2.9, 3.0, 9.0)]
+    assert found == [0.0, 1.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0]

@@ -12,7 +12,7 @@ import pytest
 import restated
 from scipy.integrate import solve_ivp
 
-from helisim.physics import gyro, pilot
+from helisim.physics import air, gyro, pilot
 from helisim.physics.layout import DOUBLET, HISTORY, PARAM, ROTOR_STATES, STATE, SWEEP
 from helisim.physics.native import installed
 from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
@@ -56,6 +56,7 @@ CASES = {
     "sweep": {**PILOTED, "excitation": SWEEP},
     "pilot at two stops": {**PILOTED, "pilot_lat": 0.9, "pilot_lon": -0.9, "pilot_ped": 1.5},
     "pilot at the others": {**PILOTED, "pilot_lat": -0.9, "pilot_lon": 0.9, "pilot_col": 0.9},
+    "hands off the rotor": {**PILOTED, "pilot_on": 2.0},
     "doublet in wind": {**PILOTED, **WINDY, "excitation": DOUBLET},
     "injected": {**PILOTED, "excitation": HISTORY, "gyro_period": 0.005},
     "faults": FAULTY,
@@ -168,7 +169,7 @@ def test_every_number_is_the_restated_one(altered, case, seed):
     assert data.act_dot[~ROTOR] == pytest.approx(
         restated.state_rates(now)[~ROTOR], rel=1e-8, abs=1e-8
     )
-    speed = 1.0 if now.p.pilot_on else now.ctrl[8]  # also between ticks
+    speed = 1.0 if now.p.pilot_on == 1.0 else now.ctrl[8]  # also between ticks
     assert data.sensor("rotor").data[4] == speed
     for name, expected in reports(now).items():
         assert data.sensor(name).data == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -258,3 +259,13 @@ def test_the_noise_is_splitmix64_of_the_seed_channel_and_knot():
         with np.errstate(over="ignore"):
             found = pilot.hashed_noise(seed, channel, knot)
         assert found == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_gust_comes_and_goes_by_its_cosine():
+    times = np.linspace(-0.5, 2.5, 301)
+    found = [air.one_minus_cosine(since, 0.7, 0.4) for since in times]
+    assert found == pytest.approx(restated.gust(times, 0.7, 0.4), abs=1e-14)
+    # where hold is nothing, half a turn up and half down is 1 - cosine's own mean, 1/2
+    assert np.mean([air.one_minus_cosine(t, 1.0, 0.0) for t in np.arange(200) / 100.0]) == (
+        pytest.approx(0.5, abs=1e-14)
+    )

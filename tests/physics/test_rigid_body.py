@@ -54,6 +54,21 @@ def test_force_free_flight_keeps_momentum_and_energy(airless):
     assert np.ptp(rates[:, 0]) > 0.5
 
 
+def test_what_touches_it_makes_up_for_its_acceleration(airless):
+    """Pushed askew into the ground: mass times (acceleration less gravity) (Newton)."""
+    model = airless.grounded_model(
+        lambda spec, _: spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    )
+    data = mujoco.MjData(model)
+    write_motion(model, data, Motion(u=1.0, v=-0.5, w=0.3, phi=0.3, theta=0.2, psi=1.0, down=0.05))
+    with installed():
+        mujoco.mj_forward(model, data)
+    felt = model.body_subtreemass[1] * (data.qacc[:3] - model.opt.gravity) * [1.0, -1.0, -1.0]
+    # the constraint solver's tolerance
+    assert data.sensor("contact").data == pytest.approx(felt, abs=1e-6 * np.linalg.norm(felt))
+    assert np.all(np.abs(felt) > 1.0)
+
+
 def test_free_fall_is_a_parabola(airless):
     """With gravity the centre of gravity falls g t^2 / 2, however the vehicle tumbles."""
     gravity = 9.8015  # Table 1

@@ -114,7 +114,7 @@ def test_the_shafts_power_is_work_and_heat(jr700, seed):
     """
     model, _ = models_of(jr700, {})
     par = model.actuator_user[addresses(model).rotor]
-    par[[PARAM.hub_stiffness, PARAM.hub_cross, PARAM.hub_x]] = 0.0
+    par[[PARAM.hub_stiffness, PARAM.hub_cross]] = 0.0
     _, _, sensed, data = felt(model, seed, air=0.0)
     act = data.act[addresses(model).state :]
     turn = to_shaft(par, Velocities(0.0, 0.0, 0.0, *data.qvel[3:6] * FRD))

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from helisim.physics.flow import fin, fuselage, wash
+from helisim.physics.air import wash_residual
+from helisim.physics.flow import fin, fuselage, wash, wash_share
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
@@ -39,11 +40,13 @@ def test_far_behind_a_fast_rotor():
 @pytest.mark.parametrize("place", [(-1.17, 0.365), (-0.8, 0.3), (-1.2, -0.1)])
 def test_the_polynomial_is_the_integrals(place):
     """From hover over level flight to autorotation, but where the wake's edge sweeps past."""
-    hover, descent, *polynomial = wash_coefficients(*place)
+    hover, descent, *polynomial = par = wash_coefficients(*place)
     skews = np.radians(np.arange(0.0, 180.0, 5.0))
     cosine = np.cos(skews)
     found = np.where(cosine > 0.0, hover, descent) * cosine**2
     found += np.sin(skews) ** 2 * np.polyval(polynomial[::-1], cosine)
+    shares = [wash_share(par, 0, math.cos(skew), math.sin(skew) ** 2) for skew in skews]
+    assert shares == pytest.approx(found, rel=1e-12, abs=1e-12)
     tube = (1.0 + 3.0 * np.maximum(cosine, 0.0) ** 2) ** -0.25
     expected = downwash(*place, skews, radius=tube, core=0.1)
     off = np.abs(found - expected)
@@ -66,6 +69,17 @@ def test_the_tail_enters_the_wake_with_speed(par):
     assert 1.0 < tail_wash(par, 20.0, 0.0, 0.013) < 2.2
     assert tail_wash(par, 0.0, 10.0, 0.014) == pytest.approx(0.0, abs=1e-12)
     assert tail_wash(par, -10.0, 0.0, 0.014) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_near_the_ground_each_place_has_the_wash_of_its_height(par):
+    par[[PARAM.download, PARAM.tail_z, PARAM.drag_centre_z, PARAM.tailplane_z]] = 1, -0.1, 0.1, 0.0
+    par[PARAM.tailplane_wash : PARAM.tailplane_wash + 8] = 0.7
+    motion = Velocities(5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    main = MainRotor(78.5, 4.7, 0.0, 0.0, 0.0, 0.022, 0.022, 0.0, 0.0, TIP, 0.1)
+    far, near = (np.array(wash(par, motion, main, 1.0, one)) for one in (0.0, 0.02))
+    left = [wash_residual(par, 0.02, z) for z in (0.1, -0.1, 0.0)]
+    assert near / far == pytest.approx(left, rel=1e-12)
+    assert wash_residual(par, 0.0, 0.5) == 1.0 > max(left)
 
 
 def test_a_stopped_rotor_has_no_wake(par):
@@ -109,7 +123,8 @@ def test_munk_moments_turn_across_the_flow(par):
     par[[PARAM.pitch_volume, PARAM.yaw_volume]] = 2.0 * 0.004, 2.0 * 0.003
     dragless = [PARAM.drag_x, PARAM.drag_y, PARAM.drag_z]
     par[dragless] = 0.0
-    loads = fuselage(par, Velocities(20.0, -2.0, 1.5, 0.0, 0.0, 0.0), 0.0)
+    par[PARAM.pitch_zero] = 0.05
+    loads = fuselage(par, Velocities(20.0, -2.0, 2.5, 0.0, 0.0, 0.0), 0.0)
     assert loads == pytest.approx(
         (0.0, 0.0, 0.0, 0.0, 1.225 * 0.004 * 20.0 * 1.5, 1.225 * 0.003 * 20.0 * 2.0)
     )

@@ -149,7 +149,7 @@ def nearness(view):
     below = par[PARAM.hub_z] * cosine + par[PARAM.hub_x] * sine
     x, y, z = to_world(matrix, ahead, 0.0, below)
     hub = (origin[0] + x, origin[1] + y, origin[2] + z)
-    shaft = (matrix[2], matrix[5], matrix[8])
+    shaft = to_world(matrix, sine, 0.0, -cosine)
     roots, bodies = ints(m, offsets.body_rootid), ints(m, offsets.geom_bodyid)
     shapes, near, count = ints(m, offsets.geom_type), buffer(_NUMBERS), 0
     grounded = False
@@ -230,12 +230,8 @@ def _insert(near, count, one, share):
 def disc_share(x, y, a, b):
     """Return the share of a unit disc around (x, y) that lies over a rectangle |x| < a, |y| < b."""
     right, left, top, bottom = a - x, -a - x, b - y, -b - y
-    if right >= 1.0 and left <= -1.0 and top >= 1.0 and bottom <= -1.0:
-        return 1.0
-    if right <= -1.0 or left >= 1.0 or top <= -1.0 or bottom >= 1.0:
-        return 0.0
-    area = _corner(right, top) - _corner(left, top) - _corner(right, bottom) + _corner(left, bottom)
-    return max(0.0, area / math.pi)
+    beyond, within = _corner(left, top) - _corner(left, bottom), _corner(right, top)
+    return max(0.0, within - _corner(right, bottom) - beyond) / math.pi
 
 
 @kernel()

@@ -34,7 +34,7 @@ def wash(par, motion, main, speed=1.0, nearness=0.0):
     induced = main.induced * main.tip_speed
     through = induced - motion.w + motion.q * par[PARAM.hub_x]
     ahead = motion.u + motion.q * par[PARAM.hub_z]
-    aside = motion.v - motion.p * par[PARAM.hub_z]
+    aside = motion.v - motion.p * par[PARAM.hub_z] + motion.r * par[PARAM.hub_x]
     square = ahead**2 + aside**2 + through**2
     if square == 0.0:
         return Wash(0.0, 0.0, 0.0)
@@ -44,11 +44,11 @@ def wash(par, motion, main, speed=1.0, nearness=0.0):
     fuselage = par[PARAM.download] * induced
     tail = induced * wash_share(par, PARAM.tail_wash, cosine, behind)
     tailplane = induced * wash_share(par, PARAM.tailplane_wash, cosine, behind)
-    if nearness > 0.0:
-        fuselage *= air.wash_residual(par, nearness, par[PARAM.drag_centre_z])
-        tail *= air.wash_residual(par, nearness, par[PARAM.tail_z])
-        tailplane *= air.wash_residual(par, nearness, par[PARAM.tailplane_z])
-    return Wash(fuselage, tail, tailplane)
+    return Wash(
+        fuselage * air.wash_residual(par, nearness, par[PARAM.drag_centre_z]),
+        tail * air.wash_residual(par, nearness, par[PARAM.tail_z]),
+        tailplane * air.wash_residual(par, nearness, par[PARAM.tailplane_z]),
+    )
 
 
 @kernel()

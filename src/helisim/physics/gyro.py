@@ -172,7 +172,7 @@ def filter_through(first, second, period):
     apart = period / second - period / first
     if abs(apart) > 1.0:  # where the exponential of a long period could overflow
         return period / second * (math.exp(-period / first) - math.exp(-period / second)) / apart
-    ratio = -math.expm1(-apart) / apart if abs(apart) > 1e-8 else 1.0 - 0.5 * apart
+    ratio = -math.expm1(-apart) / apart if apart != 0.0 else 1.0
     return period / second * math.exp(-period / first) * ratio
 
 
