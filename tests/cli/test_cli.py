@@ -1,15 +1,24 @@
-"""The command line: what it prints, what it writes, and how it fails."""
+"""The commands: what they print, what they write, and how they fail."""
 
 import json
 import math
+import re
+import sys
 
+import numpy as np
 import pytest
 
-from helisim import load, read_record
+import helisim as hs
+from closed_loops import flown, known_loop
+from exact_fits import found
+from helisim import ident, load, read_record
 from helisim.base.settings import FrozenMap
 from helisim.cli import main
+from helisim.cli.vehicle import speeds_of
+from helisim.records.storage import write_record
 from helisim.study import models
 from helisim.study.models import Tolerance
+from parm_file import parm_file
 
 
 def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
@@ -25,8 +34,7 @@ def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
     record = read_record(paths[0])
     assert len(record) == 1301 - 50  # whole samples of 10 ms, less the gap
     assert {"ped", "PED", "servo_tail", "r"} <= set(record.names)
-    kinds = [fault["kind"] for fault in record.provenance["faults"]]
-    assert kinds == ["ServoStuck", "RecordGap"]
+    assert [one["kind"] for one in record.provenance["faults"]] == ["ServoStuck", "RecordGap"]
     weather = record.provenance["weather"]
     assert (weather["wind"], weather["turbulence"]) == (2.0, "light")
     assert weather["wind_from"] == pytest.approx(math.pi / 2)
@@ -35,7 +43,6 @@ def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
 
 
 def test_linearize_prints_the_truth(capsys):
-    """`linearize` prints the derivatives, and with --json the matrices and names."""
     assert main(["linearize"]) == 0
     assert "N_r" in capsys.readouterr().out
     assert main(["linearize", "--inputs", "IN2", "--json"]) == 0
@@ -48,7 +55,6 @@ def test_linearize_prints_the_truth(capsys):
 
 @pytest.mark.study
 def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
-    """A parameter off its tolerance is listed, and the exit status is 1."""
     strict = Tolerance(percent=1e-9, reason="no estimate is this good")
     items = vars(FrozenMap)["_items"].__get__(models.HEAVE.tolerances)
     monkeypatch.setitem(items, "Z_w", strict)
@@ -57,3 +63,167 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     assert "missed:" in printed
     assert "heave: Z_w" in " ".join(printed.split())
     assert (tmp_path / "results.json").exists()
+
+
+def test_it_writes_the_file(tmp_path, capsys):
+    """Half the pedal's travel is ArduPilot's 1, and the recorder's latency is none of the delay."""
+    model, out = tmp_path / "yaw.json", tmp_path / "heli.json"
+    found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(model)
+    words = ["--rpm", "1700", "--late", "r=0.0405", "--out", str(out)]
+    assert main(["ardupilot", str(model), *words]) == 0
+    text = capsys.readouterr().out
+    assert "Nped            30" in text
+    assert f"Written: {out}" in text
+    values = json.loads(out.read_text(encoding="utf-8"))
+    assert values["Nped"] == pytest.approx(30.0)
+    assert values["time_delay_ped"] == 10.0
+    assert values["nominal_rpm"] == pytest.approx(1700.0)
+
+
+def test_it_prints_the_derivation_and_writes_the_file(tmp_path, capsys):
+    path = tmp_path / "jr700.parm"
+    assert main(["parm", "jr700", "--out", str(path), "--quiet"]) == 0
+    shown = capsys.readouterr().out
+    assert shown == path.read_text()
+    assert "the command that holds 1 rad/s of p" in shown
+    assert parm_file(path)["FRAME_CLASS"] == 6.0
+
+
+@pytest.fixture(scope="module")
+def record():
+    """A flight of a known loop."""
+    return flown(known_loop(), seed=3, noise=0.02)
+
+
+def test_a_record_needs_no_option(record, tmp_path, capsys):
+    """The table has the three figures of the loop; so has the JSON, with intervals."""
+    path, out = tmp_path / "loop.parquet", tmp_path / "found.json"
+    write_record(record, path)
+    words = ["--band", "4", "20", "--json", str(out), "--quiet"]
+    assert main(["margins", str(path), *words]) == 0
+    text = capsys.readouterr().out
+    assert all(words in text for words in ("phase margin", "gain margin", "crossover", "lat"))
+    figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
+    assert figures["phase_margin"]["low"] < 51.4 < figures["phase_margin"]["high"]  # the loop's own
+    assert figures["phase_margin"]["unit"] == "deg"
+
+
+def test_columns_of_ones_own_are_named(record, tmp_path, capsys):
+    path, out = tmp_path / "own.csv", tmp_path / "found.json"
+    table = np.column_stack([1e3 * record.time, record.values[:, 0], -record.values[:, 1]])
+    np.savetxt(path, table, delimiter=",", header="t,dither,mixer", comments="")
+    words = ["--time", "t:ms", "--channel", "dither=dither:1", "--channel", "mixer=mixer:1:sign=-1"]
+    given = ["--axis", "roll", "--injected", "dither", "--total", "mixer", "--band", "4", "9"]
+    json_ = ["--json", str(out), "--quiet"]
+    assert main(["margins", str(path), *words, *given, *json_]) == 0
+    figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
+    assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
+    assert "gain margin of lat at actuators isn't within" in capsys.readouterr().out
+
+
+def printed(capsys, *arguments):
+    """Return the rows that the command prints, as numbers, by speed."""
+    assert main(["trim", *arguments]) == 0
+    text = capsys.readouterr().out
+    assert max(len(line) for line in text.splitlines() if "Written" not in line) <= 80
+    rows = [line.split() for line in text.splitlines() if re.match(r"^ +[\d.]+ +[\d.]+ ", line)]
+    return {float(row[0]): np.array(row[1:], float) for row in rows}, text
+
+
+def test_the_table_has_a_power_bucket_and_a_stick_that_goes_forward(capsys):
+    """From hover to 20 m/s, in steps of 4."""
+    rows, text = printed(capsys, "--speeds", "0:20:4")
+    assert list(rows) == [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
+    power, lon, theta = (np.array([row[k] for row in rows.values()]) for k in (0, 2, 5))
+    assert np.argmin(power) == 3
+    assert f"Least power: {power[3]:.1f} W at 12 m/s" in text
+    assert (np.diff(lon) < 0.0).all()
+    assert (np.diff(theta) < 0.0).all()
+
+
+def test_each_speed_has_its_linearisation(tmp_path, capsys, jr700):
+    path = tmp_path / "trim.json"
+    rows, text = printed(capsys, "--speeds", "0,15", "--json", str(path))
+    assert f"Written: {path}" in text
+    written = json.loads(path.read_text())
+    assert written["provenance"]["vehicle"] == "jr700"
+    hover, fast = written["flights"]
+    assert [hover["speed_m_s"], fast["trim"]["speed"]] == [0.0, 15.0]
+    assert fast["power_w"] == pytest.approx(rows[15.0][0], abs=0.05)  # printed to 0.1 W
+    np.testing.assert_allclose(hover["A"], jr700.linearize().system.A, rtol=1e-6, atol=1e-6)
+    linear = jr700.trimmed(speed=15.0)
+    for name in ("X_u", "Z_w", "M_a"):
+        # central differences of 1e-10
+        assert fast["derivatives"][name] == pytest.approx(linear.derivatives[name], rel=1e-6)
+    assert fast["inputs"] == ["col", "lon", "lat", "ped"]
+
+
+@pytest.mark.parametrize(
+    ("text", "speeds"),
+    [
+        ("0:20:5", [0.0, 5.0, 10.0, 15.0, 20.0]),
+        ("0:0.3:0.1", [0.0, 0.1, 0.2, 0.3]),  # three steps of 0.1 are more than 0.3, rounded
+        ("0:7:4", [0.0, 4.0]),
+        ("3:3:1", [3.0]),
+        ("12,0", [12.0, 0.0]),
+    ],
+)
+def test_speeds_are_read_as_they_are_meant(text, speeds):
+    assert speeds_of(text) == pytest.approx(speeds, abs=1e-12)
+
+
+LAWS = """
+import helisim as hs
+
+def yaw(seen, state):
+    error = 2.68 * seen.PED - 0.2941 * seen.r
+    state[0] += 0.002 * error
+    return 0.5 * error + 10.0 * state[0]
+
+tail = hs.Controller(tail=yaw, states=1)
+
+def breaks(seen):
+    if seen.time > 1.0:
+        raise ValueError("no fuel")
+    return seen.front, seen.left, seen.right, seen.tail
+
+number = 3
+"""
+FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "ped.parquet"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A current folder with laws in a module; no other test imports one of this name."""
+    (tmp_path / "laws_of_the_folder.py").write_text(LAWS)
+    (tmp_path / "json.py").write_text(LAWS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "laws_of_the_folder", raising=False)
+    return tmp_path
+
+
+def test_a_law_of_the_current_folder_flies(folder):
+    assert main([*FLY, "--controller", "laws_of_the_folder:tail"]) == 0
+    record = hs.read_record(folder / "ped.parquet")
+    assert record.provenance["controller"]["tail"]["law"] == "laws_of_the_folder:yaw"
+    assert main(FLY) == 0
+    assert not np.array_equal(hs.read_record(folder / "ped.parquet").values, record.values)
+
+
+@pytest.mark.parametrize("word", ["laws/of_a_file.py:tail", "./laws/of_a_file:tail"])
+def test_a_law_of_a_file_flies(folder, monkeypatch, word):
+    monkeypatch.delitem(sys.modules, "of_a_file", raising=False)
+    (folder / "laws").mkdir()
+    (folder / "laws" / "of_a_file.py").write_text(LAWS)
+    assert main([*FLY, "--controller", word]) == 0
+    law = hs.read_record(folder / "ped.parquet").provenance["controller"]["tail"]["law"]
+    assert law == "of_a_file:yaw"
+
+
+def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
+    """Exit status 3, the flight as far as it went, and the last line says why."""
+    assert main([*FLY, "--controller", "laws_of_the_folder:breaks"]) == 3
+    said = capsys.readouterr().err.splitlines()
+    assert 'File "laws_of_the_folder.py", line 13, in breaks' in said[1]
+    assert said[-1].startswith("helisim fly: controller 'breaks' raised ValueError: no fuel at 1.0")
+    assert hs.read_record(folder / "ped.parquet").ended

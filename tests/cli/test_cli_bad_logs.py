@@ -1,4 +1,6 @@
-"""The command line on logs with something wrong: one line that says what and where."""
+"""The command line on logs of others: a mistake is one line, other units give the same model."""
+
+import json
 
 import numpy as np
 import plants
@@ -6,8 +8,8 @@ import pytest
 
 from command import fails
 from helisim.cli import main
-from helisim.ident import structures
-from swept_logs import csv_writer, flown, write_foreign
+from helisim.ident import load_fit, structures
+from swept_logs import csv_writer, flown, same_within_errors, write_clean, write_foreign
 
 ROLLPITCH = plants.ROLLPITCH_IN1
 RESAMPLE = ["--resample", "50"]
@@ -29,8 +31,23 @@ def empty(column, rows_of=lambda k: True):
     return change
 
 
+HOLES = empty(2, lambda k: k % 10 == 4)
+
+
 def constant(rows):
     return [[time, "0.25", w] for time, _, w in rows]
+
+
+def twice(rows):
+    return [*rows[:50], rows[49], *rows[50:]]
+
+
+def again(rows):
+    return rows[:1000] + rows[:2000]
+
+
+def gaps(rows):
+    return [row for k, row in enumerate(rows) if k % 500 not in range(400, 450)]
 
 
 @pytest.mark.parametrize(
@@ -40,27 +57,11 @@ def constant(rows):
         (None, "t [s],col,w [m/s]", ["bad.csv", "'col'", "unit"]),
         (empty(2), None, ["bad.csv, column 'w [m/s]', lines 2 to 3001", "no number"]),
         (empty(0, lambda k: k == 7), None, ["bad.csv, line 9, column 't [s]'", "no time"]),
-        (
-            empty(2, lambda k: k % 10 == 4),
-            None,
-            ["bad.csv, line 6, column 'w [m/s]'", "300 of 3000", "'missing'"],
-        ),
+        (HOLES, None, ["bad.csv, line 6, column 'w [m/s]'", "300 of 3000", "'missing'"]),
         (constant, None, ["bad.csv, column 'col [1]', lines 2 to 3001", "constant"]),
-        (
-            lambda rows: rows[:1000] + rows[:2000],
-            None,
-            ["bad.csv, line 1002, column 't [s]'", "goes back", "'resets'"],
-        ),
-        (
-            lambda rows: [*rows[:50], rows[49], *rows[50:]],
-            None,
-            ["bad.csv, line 52, column 't [s]'", "same time", "'duplicates'"],
-        ),
-        (
-            lambda rows: [row for k, row in enumerate(rows) if k % 500 not in range(400, 450)],
-            None,
-            ["bad.csv, line 402, column 't [s]'", "gap", "10 %", "'gaps'"],
-        ),
+        (again, None, ["bad.csv, line 1002, column 't [s]'", "goes back", "'resets'"]),
+        (twice, None, ["bad.csv, line 52, column 't [s]'", "same time", "'duplicates'"]),
+        (gaps, None, ["bad.csv, line 402, column 't [s]'", "gap", "10 %", "'gaps'"]),
     ],
 )
 def test_a_bad_log_is_one_line_with_its_place(sweep_csv, capsys, change, header, says):
@@ -76,9 +77,8 @@ def test_uneven_samples_are_refused_until_resampled(sweep_csv, capsys):
     random = np.random.default_rng(0)
     path = sweep_csv(lambda rows: [row for row in rows if random.random() > 0.1])
     message = fails(capsys, "identify", path, "--structure", "heave")
-    assert "bad.csv, line " in message
-    assert "column 't [s]'" in message
-    assert "--resample" in message
+    for text in ("bad.csv, line ", "column 't [s]'", "--resample"):
+        assert text in message
     arguments = ["identify", str(path), "--structure", "heave", "--resample", "50"]
     assert main([*arguments, "--max-gap", "0.1"]) == 0
 
@@ -97,8 +97,8 @@ def test_inputs_that_move_as_one_are_refused(tmp_path, capsys):
 
 def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
     """A line each, with file, row and option; nothing is written."""
-    holes = sweep_csv(empty(2, lambda k: k % 10 == 4), name="holes.csv")
-    dead = sweep_csv(lambda rows: [*rows[:50], rows[49], *rows[50:]], name="repeats.csv")
+    holes = sweep_csv(HOLES, name="holes.csv")
+    dead = sweep_csv(twice, name="repeats.csv")
     out = holes.with_suffix(".json")
     arguments = ["identify", str(holes), str(dead), "--structure", "heave", "--json", str(out)]
     assert main(arguments) == 2
@@ -111,3 +111,86 @@ def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
     assert len(lines) == 3
     assert not out.exists()
     assert captured.out == ""
+
+
+MAP = """\
+time = { column = "Zeit", unit = "ms" }
+[channels]
+lat = { column = "Kanal 1", unit = "us", trim = 1520, range = 800 }
+lon = { column = "Kanal 2", unit = "us", trim = 1490, range = 800, sign = -1 }
+p = { column = "Rollrate", unit = "deg/s" }
+q = { column = "Nickrate", unit = "deg/s", sign = -1 }
+"""
+
+
+def test_a_foreign_log_in_degrees_gives_the_same_model(tmp_path, capsys):
+    """Pulses and deg/s with 20 ms jitter give the parameters of the clean record."""
+    (tmp_path / "map.toml").write_text(MAP)
+    clean, foreign = [], []
+    for k, axis in enumerate(("lat", "lon")):
+        structure = structures.rollpitch
+        clean.append(tmp_path / f"{axis}.parquet")
+        write_clean(clean[-1], structure, ROLLPITCH, axis, k, 0.01)
+        time, inputs, outputs = flown(structure, ROLLPITCH, axis, 10 + k, noise=0.01, jitter=True)
+        p, q = np.degrees(outputs).T
+        pulses = 1520.0 + 800.0 * inputs[:, 0], 1490.0 - 800.0 * inputs[:, 1]
+        foreign.append(tmp_path / f"{axis}.csv")
+        headings = ["Zeit", "Nickrate", "Rollrate", "Kanal 1", "Kanal 2"]
+        write_foreign(foreign[-1], headings, 1e3 * time, [-q, p, *pulses])
+    options = ["--structure", "rollpitch", "--band", "1", "40"]
+    one, two = tmp_path / "clean.json", tmp_path / "foreign.json"
+    assert main(["identify", *map(str, clean), *options, "--json", str(one)]) == 0
+    capsys.readouterr()
+    options += ["--map", str(tmp_path / "map.toml"), "--resample", "100"]
+    assert main(["identify", *map(str, foreign), *options, "--json", str(two)]) == 0
+    printed = capsys.readouterr().out
+    assert "resampled to 100 Hz" in printed
+    assert "('Kanal 1' - 1520) / 800" in printed
+    same_within_errors(load_fit(one), load_fit(two))
+    logs = json.loads(two.read_text())["logs"]
+    assert logs[0]["step_s"]["largest"] == pytest.approx(0.0205)
+    assert logs[0]["resampled_hz"] == 100.0
+
+
+STRUCTURE = """\
+name = "roll"
+states = ["p", "phi"]
+inputs = ["lat"]
+outputs = ["p", "phi"]
+F = [["L_p", 0], [1, 0]]
+G = [["L_lat"], [0]]
+[parameters]
+L_p = { unit = "1/s", start = -3 }
+L_lat = { unit = "1/s^2", start = 50 }
+"""
+
+
+def write(path, factor):
+    """Write a roll of p' = -6 p + 90 lat as CSV, the rate times a factor."""
+    t = np.arange(6000) / 100.0
+    lat = 0.1 * np.sin(np.cumsum(np.geomspace(1.0, 20.0, t.size)) / 100.0)
+    p, phi = np.zeros(t.size), np.zeros(t.size)
+    for k in range(1, t.size):
+        p[k] = p[k - 1] * np.exp(-0.06) + (1.0 - np.exp(-0.06)) * 15.0 * lat[k - 1]
+        phi[k] = phi[k - 1] + 0.005 * (p[k] + p[k - 1])
+    table = np.column_stack([t, lat, factor * p, phi])
+    header = "t [s],lat [1],p [rad/s],phi [rad]"
+    np.savetxt(path, table, delimiter=",", header=header, comments="")
+    return path
+
+
+@pytest.mark.slow
+def test_a_fit_that_fails_is_explained(tmp_path, capsys):
+    """A rate in deg/s declared rad/s: by the data, and by the log's own attitude."""
+    structure = tmp_path / "roll.toml"
+    structure.write_text(STRUCTURE)
+    log = write(tmp_path / "roll.csv", 180.0 / np.pi)
+    options = ["--structure", str(structure), "--band", "2", "15", "--quiet"]
+    assert main(["identify", str(log), *options]) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "likely causes, by what the data show:" in printed
+    assert "with p's column in deg/s, not rad/s: J would be" in printed
+    option = ["--channel", "p=p [rad/s]:deg/s"]
+    assert "(--channel 'p=p [rad/s]:deg/s')" in printed
+    assert main(["identify", str(log), *options, *option]) == 0
+    assert "likely causes" not in capsys.readouterr().out

@@ -75,9 +75,8 @@ def test_a_mission_of_ones_own_is_flown(tmp_path, monkeypatch, capsys):
 
 
 FLY = ["fly", "--excitation", "doublet", "--axis", "ped"]
-SEA = Deck(
-    length=8.0, heave=Swing(amplitude=0.3, period=6.0), roll=Swing(amplitude=0.05, period=8.0)
-)
+HEAVE, ROLL = Swing(amplitude=0.3, period=6.0), Swing(amplitude=0.05, period=8.0)
+SEA = Deck(length=8.0, heave=HEAVE, roll=ROLL)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +105,6 @@ def test_a_flight_is_recorded_over_its_ground(tmp_path, capsys):
     out = tmp_path / "deck.parquet"
     assert main([*FLY, "--ground", "deck,heave=0.3/6,parked", "--rotor", "--out", str(out)]) == 0
     record = read_record(out)
-    assert FlightPlan.of_record(record).ground.deck.heave == Swing(amplitude=0.3, period=6.0)
+    assert FlightPlan.of_record(record).ground.deck.heave == HEAVE
     assert record["contact"][0] > 70.0
     assert record.ended == ""

@@ -42,12 +42,10 @@ def test_long_lines_are_wrapped_and_short_ones_left_alone():
 
 
 def test_progress_has_rate_and_remaining_time_on_a_terminal(monkeypatch):
-    """The bar says what is done, how fast, and how long it will take; at the end it is gone."""
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with progress(2, quiet=False) as advance:
-        advance("lat")
-        advance("lon")
+        list(map(advance, ("lat", "lon")))
     shown = terminal.getvalue().split("\r")
     (bar,) = (text for text in shown if text.startswith("lon:") and " 1/2 " in text)
     assert re.search(r"\[\d\d:\d\d<\d\d:\d\d, .*(step/s|s/step)\]", bar)  # elapsed<remaining
@@ -89,7 +87,6 @@ HEAVY = ("scipy", "matplotlib", "mujoco", "numba", "pyarrow", "rerun", "control"
 
 @pytest.mark.parametrize("words", [["--version"], ["fly", "--help"], ["identify", "--help"]])
 def test_a_word_about_itself_imports_no_heavy_library(words):
-    """`helisim --version` and each command's --help need only the parser."""
     code = (
         "import sys\nfrom helisim.cli import main\n"
         f"try:\n    main({words!r})\nexcept SystemExit as end:\n    assert end.code == 0\n"

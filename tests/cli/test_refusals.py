@@ -18,18 +18,15 @@ from swept_logs import csv_writer
 
 CASES = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
 LAWS = "def yaw(seen):\n    return seen.PED\n\nnumber = 3\n"
-SCRIPTS = {
-    "laws_of_the_folder.py": LAWS,
-    "file": "",
-    "map.toml": "",
-}
+FILES = {"laws_of_the_folder.py": LAWS, "file": "", "map.toml": "", "bad.toml": "[vari]"}
+FILES["good.toml"] = '[campaign]\nmodels = ["heave"]\nflights = 2\n'
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A folder with one sound file of each kind, and a few that are not."""
     path = tmp_path_factory.mktemp("refused")
-    for name, text in SCRIPTS.items():
+    for name, text in FILES.items():
         (path / name).write_text(text)
     (path / "none").mkdir()
     write = csv_writer(path)

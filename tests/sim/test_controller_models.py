@@ -40,11 +40,8 @@ def test_without_a_controller_the_servos_are_the_callers(jr700):
 
 
 def test_without_a_controller_a_flight_is_of_the_base_helicopter(jr700):
-    quiet = hs.Pilot(remnant=0.0)
-    plan = hs.FlightPlan(
-        excitation=hs.Step(axis="ped", amplitude=0.02, trim_time=1.0, duration=2.0, at="servos"),
-        pilot=quiet,
-    )
+    step = hs.Step(axis="ped", amplitude=0.02, trim_time=1.0, duration=2.0, at="servos")
+    plan = hs.FlightPlan(excitation=step, pilot=hs.Pilot(remnant=0.0))
     truth = next(simulate(jr700.with_controller(None), plan, jobs=1))
     held = truth.servo_commands[0]
     assert held[3] == jr700.trim.ped
@@ -80,11 +77,7 @@ def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
 def test_helicopters_in_one_scene_have_controllers_of_their_own(jr700):
     """By prefix; each flies as it does alone, and the third by its servos' `ctrl`."""
     path = str(model_folder("jr700") / "jr700.xml")
-    controllers = (
-        own_laws.attitude_controllers(jr700)[0],
-        own_laws.attitude_controllers(jr700)[1],
-        None,
-    )
+    controllers = (*own_laws.attitude_controllers(jr700), None)
     world = mujoco.MjSpec.from_string(
         '<mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0" '
         'gravity="0 0 -9.8015"/></mujoco>'
@@ -148,9 +141,8 @@ def test_states_need_room(jr700):
 
     controller = Controller(remembers, states=40)
     model = copy.copy(jr700.model)
-    with pytest.raises(
-        ModelError, match=r'has 40 states and the model has room for 8.*actdim="114"'
-    ):
+    says = r'has 40 states and the model has room for 8.*actdim="114"'
+    with pytest.raises(ModelError, match=says):
         hs.set_controller(model, controller)
     vehicle = jr700.with_controller(controller)
     assert vehicle.model.na == jr700.model.na + 2 * (40 - 8)

@@ -11,13 +11,7 @@ from helisim.base.errors import DivergedError, IdentificationError
 from helisim.cli import main
 from helisim.ident import frequency_response
 from helisim.records.storage import read_record
-from helisim.sim import (
-    FlightEnvelope,
-    FlightPlan,
-    Sweep,
-    fly,
-    simulate,
-)
+from helisim.sim import FlightEnvelope, FlightPlan, Sweep, fly, simulate
 from helisim.sim.ground import outline
 from helisim.sim.limits import hover_induced_velocity
 from helisim.vehicle import load
@@ -130,9 +124,8 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
 
     turned = turn.apply(-imu * [1.0, -1.0, -1.0])  # the body from the IMU, NED
     spec = mujoco.MjSpec.from_file(str(model_folder(name) / f"{name}.xml"))
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=1, conaffinity=1
-    )
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(type=plane, size=[0, 0, 1], contype=1, conaffinity=1)
     model = spec.compile()
     data = mujoco.MjData(model)
     x, y, z, w = turn.as_quat()
@@ -140,21 +133,14 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
     mujoco.mj_forward(model, data)
     gear = height + min(contact.dist for contact in data.contact)
     angle = np.linspace(0.0, 2.0 * np.pi, 100_000)
-    own = vehicle.parameters
-    rims = [
-        (
-            vehicle.model.site("hub").pos,
-            own["main_rotor.radius"] * np.array([np.cos(angle), np.sin(angle), 0.0 * angle]),
-        ),
-        (
-            vehicle.model.site("tail_hub").pos,
-            own["tail_rotor.radius"] * np.array([np.cos(angle), 0.0 * angle, np.sin(angle)]),
-        ),
-    ]
-    discs = min(
-        height - turn.apply(((site - imu) * [1.0, -1.0, -1.0]) + rim.T)[:, 2].max()
-        for site, rim in rims
-    )
+    c, s, zero, discs = np.cos(angle), np.sin(angle), 0.0 * angle, np.inf
+    for hub, rotor, rim in (
+        ("hub", "main_rotor", (c, s, zero)),
+        ("tail_hub", "tail_rotor", (c, zero, s)),
+    ):
+        rim = vehicle.parameters[f"{rotor}.radius"] * np.array(rim).T
+        arm = (vehicle.model.site(hub).pos - imu) * [1.0, -1.0, -1.0]
+        discs = min(discs, height - turn.apply(arm + rim)[:, 2].max())
     # the rim's points are 6e-5 rad apart; MuJoCo's contact is exact to rounding
     for off, closer in ((1e-8, True), (-1e-8, False)):
         assert shape.closer_than(min(gear, discs) + off, place, turns).all() == closer

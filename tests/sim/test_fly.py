@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import DivergedError, InputError
-from helisim.cli import main
 from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.sim import Doublet, FlightPlan, Pilot, Sweep, fly
 from helisim.sim.flight import fly_each
@@ -28,14 +27,11 @@ def same(one, other):
     return np.array_equal(one.time, other.time) and np.array_equal(one.values, other.values)
 
 
-def test_neither_jobs_nor_count_matter(jr700, three):
+def test_neither_jobs_nor_count_matter_and_flights_come_one_by_one(jr700, three):
+    """The first record is there before the others are flown, and flying can stop after it."""
     again = fly(jr700, SHORT, count=3, seed=7, jobs=2)
     assert all(same(one, other) for one, other in zip(three, again))
     assert same(fly(jr700, SHORT, count=1, seed=7, jobs=1)[0], three[0])
-
-
-def test_flights_come_one_by_one(jr700, three):
-    """The first record is there before the others are flown, and flying can stop after it."""
     flights = fly_each(jr700, SHORT, range(10**9), seed=7, jobs=1)
     assert same(next(flights), three[0])
     flights.close()
@@ -86,29 +82,6 @@ def test_flight_that_stopped_is_refused(jr700):
     truth[:, jr700.model.sensor("imu_position").adr[0] + 2] = 10.0
     with pytest.raises(DivergedError, match=r"stopped at 0\.01 s"):
         read_trajectory(jr700, truth)
-
-
-# A folder of flights: complete, kept when interrupted, gone on with, and not mixed up
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--count", "0", "--out", "new"], "count must be"),
-        (["--count", "2", "--out", "new", "--jobs", "0"], "jobs must be"),
-        (["--count", "2", "--out", "a.parquet"], "--out is a folder"),
-        (["--count", "2", "--out", "new", "--rerun", "a.rrd"], "leave out --count"),
-        (["--count", "2", "--out", "file/new"], "file/new"),
-    ],
-)
-def test_bad_input_leaves_nothing(tmp_path, monkeypatch, capsys, arguments, says):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").touch()
-    assert main(["fly", "--axis", "lat", "--duration", "13", "--quiet", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 # A seed gives the same bytes of a record in any process, with any threads, installed anywhere

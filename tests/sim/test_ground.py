@@ -143,9 +143,8 @@ def test_heights_above_a_slope_and_a_deck():
     normal = np.array([-math.sin(0.3), 0.0, -math.cos(0.3)])
     assert north_rise.heights(np.zeros(1), point)[0, 0] == pytest.approx(point[0, 0] @ normal)
     east_rise = Ground(slope=0.3, uphill=0.5 * math.pi)
-    assert east_rise.heights(np.zeros(1), np.array([[[7.0, 1.0, 0.0]]]))[0, 0] == pytest.approx(
-        -math.sin(0.3)
-    )
+    aside = east_rise.heights(np.zeros(1), np.array([[[7.0, 1.0, 0.0]]]))
+    assert aside[0, 0] == pytest.approx(-math.sin(0.3))
     deck = Ground(deck=Deck(length=4.0, width=2.0, above=3.0, heave=Swing(amplitude=1.0)))
     points = np.array([[[1.9, 0.9, -2.0], [2.1, 0.0, -2.0], [0.0, 1.1, -2.0]]])
     assert deck.heights(np.array([2.0]), points)[0] == pytest.approx([1.0, 5.0, 5.0])
@@ -173,13 +172,9 @@ def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
 
 def test_it_takes_off_by_itself(jr700):
     """Parked, the pilot that holds a height climbs there, and the ground lets go at once."""
-    plan = hs.FlightPlan(
-        excitation=replace(STILL, duration=10.0),
-        pilot=QUIET,
-        ground=Ground(parked=True),
-        weather=hs.Weather(height=1.5),
-    )
-    flight = flown(jr700, plan)
+    still, weather = replace(STILL, duration=10.0), hs.Weather(height=1.5)
+    parked = {"pilot": QUIET, "ground": Ground(parked=True), "weather": weather}
+    flight = flown(jr700, hs.FlightPlan(excitation=still, **parked))
     assert flight.end is None
     weight = 8.01 * 9.8015
     assert flight.contact[0] == pytest.approx([0.0, 0.0, -weight], abs=0.08 * weight)
@@ -202,10 +197,7 @@ def test_a_landing_is_no_end(jr700):
         (pushed("col", -0.4, Ground()), r"the helicopter hit the ground at 4\.\d m/s"),
         (pushed("lat", 0.5, Ground(parked=True), height=0.2), "struck the ground"),
         (pushed("lat", 0.3, Ground(), height=0.7), "struck the ground with its main rotor"),
-        (
-            pushed("lon", -0.2, Ground(deck=Deck(length=3.0, width=3.0))),
-            "came down beside the deck",
-        ),
+        (pushed("lon", -0.2, Ground(deck=Deck(length=3, width=3))), "came down beside the deck"),
     ],
 )
 def test_ends_and_their_reasons(jr700, plan, why):

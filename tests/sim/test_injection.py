@@ -227,7 +227,7 @@ def test_a_law_sees_the_angle_and_its_rate(jr700, angle, rate):
 
 
 def test_the_record_tells_the_disturbance_and_what_was_sensed(jr700):
-    """Beside the angle the rate that comes of it, on top of a disturbance of the rate itself."""
+    """Beside the angle its rate, on top of a disturbance of the rate; a jump is beyond any gyro."""
     parts = (oscillation("phi", 0.02, 20.0), oscillation("p", 0.1, 7.0))
     plan = FlightPlan(excitation=Together(parts=parts), recorder=FAST, **STEADY)
     (record,) = fly(jr700, plan, seed=1)
@@ -241,10 +241,6 @@ def test_the_record_tells_the_disturbance_and_what_was_sensed(jr700):
     assert own == pytest.approx(record["phi"], abs=1e-9)
     (rates,) = fly(jr700, FlightPlan(excitation=parts[1], recorder=FAST, **STEADY), seed=1)
     assert "phi_sum" not in rates
-
-
-def test_a_jump_of_attitude_is_refused(jr700):
-    """Its rate is beyond any gyro's range; the message says where it comes from."""
     step = Step(axis="phi", at="sensors", amplitude=0.2)
     with pytest.raises(InputError, match="an attitude's disturbance included"):
         fly(jr700, step, seed=1)

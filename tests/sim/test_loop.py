@@ -32,9 +32,8 @@ def test_the_sampled_linear_model_is_what_flies(axis, motion, timestep, integrat
     excitation = Sweep(
         axis=axis, duration=30.0, amplitude=0.002, leakage=0.0, unsteadiness=0.0, trim_time=2.0
     )
-    truth = next(
-        simulate(vehicle, FlightPlan(excitation=excitation, pilot=Pilot(remnant=0.0)), jobs=1)
-    )
+    plan = FlightPlan(excitation=excitation, pilot=Pilot(remnant=0.0))
+    truth = next(simulate(vehicle, plan, jobs=1))
     linear = vehicle.linearize("IN2")
     each = round(linear.system.dt / timestep)
     sticks = truth.sticks[::each] - truth.sticks[0]
@@ -129,12 +128,11 @@ def test_remnant_is_what_was_asked(jr700):
 
 def test_four_servo_signals_are_recorded_and_give_in1(jr700):
     """Also where limits are met: IN1 is of the commands, as the paper recomputes it."""
-    kept = Recorder(latency={}, antialias_hz=49.0)
-    record = fly(
-        jr700,
-        FlightPlan(excitation=Doublet(axis="ped", amplitude=0.3, width=0.2), recorder=kept),
-        jobs=1,
-    )[0]
+    doublet, kept = (
+        Doublet(axis="ped", amplitude=0.3, width=0.2),
+        Recorder(latency={}, antialias_hz=49),
+    )
+    record = fly(jr700, FlightPlan(excitation=doublet, recorder=kept), jobs=1)[0]
     assert set(SERVOS) <= set(record.names)
     front, left, right, tail = record.select(SERVOS).T
     recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])

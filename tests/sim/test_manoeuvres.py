@@ -68,16 +68,8 @@ def test_a_chirp_fades_in_and_out():
 
 
 def multisine(**settings):
-    return Multisine(
-        **{
-            "axis": "col+lon+lat+ped",
-            "amplitude": (0.03, 0.07, 0.07, 0.01),
-            "band": (0.6, 40.0),
-            "period": 10.0,
-            "duration": 26.0,
-            **settings,
-        }
-    )
+    usual = {"axis": "col+lon+lat+ped", "amplitude": (0.03, 0.07, 0.07, 0.01), "period": 10.0}
+    return Multisine(**usual, band=(0.6, 40.0), duration=26.0, **settings)
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0])

@@ -75,10 +75,14 @@ def flown(vehicle, mission, **settings):
     return Reached.of(vehicle, trajectory), trajectory
 
 
-def test_a_script_that_wants_no_number_ends_its_flight(jr700):
-    """Which, is said; the sticks are not moved by it."""
+def test_a_script_that_wants_no_number_or_raises_ends_its_flight(jr700):
+    """Which, is said, with the script's lines; the record goes as far as the flight did."""
     with pytest.raises(DivergedError, match=r"mission 'lost' wants north = nan at 0\.5"):
         hs.fly(jr700, Lost(), seed=1)
+    with pytest.raises(DivergedError, match=r"'stumbling' raised ZeroDiv.* at 0\.5") as caught:
+        hs.fly(jr700, Stumbling(), seed=1)
+    assert "in fly" in caught.value.__notes__[0]
+    assert caught.value.record.duration == pytest.approx(0.5, abs=0.03)
 
 
 def test_forward_flight_goes_out_and_back(jr700):
@@ -149,16 +153,6 @@ def test_a_manoeuvre_is_flown_on_top_of_a_mission(jr700):
     assert hs.FlightPlan(mission=mission, excitation=doublet).name == "forward_lat"
 
 
-def test_a_script_that_raises_ends_its_flight(jr700):
-    """What it raised is told with its lines, and the record goes as far as the flight did."""
-    with pytest.raises(
-        DivergedError, match=r"mission 'stumbling' raised ZeroDiv.* at 0\.5"
-    ) as caught:
-        hs.fly(jr700, Stumbling(), seed=1)
-    assert "in fly" in caught.value.__notes__[0]
-    assert caught.value.record.duration == pytest.approx(0.5, abs=0.03)
-
-
 @pytest.mark.parametrize(
     ("make", "says"),
     [
@@ -198,9 +192,8 @@ def test_a_script_sees_the_truth(jr700, ground):
     assert flight.attitudes[k] == pytest.approx([now.phi, now.theta, now.psi], abs=1e-9)
     assert flight.rates[k] == pytest.approx([now.p, now.q, now.r], abs=1e-9)
     velocity = np.array([now.u, now.v, now.w])
-    assert flight.velocities[k] == pytest.approx(
-        velocity + np.cross(flight.rates[k], arm), abs=1e-6
-    )
+    there = velocity + np.cross(flight.rates[k], arm)
+    assert flight.velocities[k] == pytest.approx(there, abs=1e-6)
     rates = [seen.north_rate, seen.east_rate, seen.down_rate]
     assert turn @ velocity == pytest.approx(rates, abs=1e-9)
     place = np.array([now.north, now.east, now.down])
@@ -240,12 +233,8 @@ def test_it_lands_without_an_engine(jr700, height, speed):
     assert landed.ground_speed < 6.0  # a run; skids slide
     down = int(np.searchsorted(flight.time, landed.at))
     assert np.abs(flight.attitudes[down, :2]).max() < 0.12  # at 0.1 rad the tail would strike first
-    assert [text for _, text in reached.phases][-4:] == [
-        "collective down",
-        "glide",
-        "flare",
-        "on the ground",
-    ]
+    phases = [text for _, text in reached.phases]
+    assert phases[-4:] == ["collective down", "glide", "flare", "on the ground"]
     cut = next(time for time, text in reached.phases if text == "engine fails")
     after = flight.time > cut + 0.2
     assert flight.power[after, 0].max() <= 0.0  # W: nothing drives; friction takes

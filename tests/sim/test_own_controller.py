@@ -248,10 +248,7 @@ def test_a_law_that_fails_ends_the_flight(jr700, how):
 @pytest.mark.parametrize(
     ("law", "says"),
     [
-        (
-            lambda seen: (1.0, 2.0),
-            r"returned \(1.0, 2.0\) where finite numbers for front, left, right",
-        ),
+        (lambda seen: (1.0, 2.0), r"\(1.0, 2.0\) where finite numbers for front, left, right"),
         (lambda seen: None, "returned None where finite numbers"),
         (lambda seen: "fast", "returned 'fast'"),
         (lambda seen: (1.0, "2", {}, 4.0), "returned"),

@@ -1,6 +1,5 @@
 """The recorder: latency, noise, resolution, filter and lever arm, against what truly happened."""
 
-import dataclasses
 import math
 
 import mujoco
@@ -43,27 +42,12 @@ def wave(width, seconds=10.0):
 def artificial(**changes):
     """Return a made-up flight whose every signal is a known sine."""
     time = np.arange(5001) * STEP
-    truth = Trajectory(
-        time=time,
-        timestep=STEP,
-        sticks=wave(4),
-        servo_commands=wave(4),
-        servo_positions=wave(4),
-        flapping=wave(2),
-        rotor=wave(5),
-        power=wave(4),
-        air=wave(6),
-        contact=wave(3),
-        rates=wave(3),
-        attitudes=wave(3),
-        velocities=wave(3),
-        specific_forces=wave(3),
-        positions=wave(3),
-        imu_offset=np.zeros(3),
-        swashplate=H3_120,
-        gyro_rates=wave(3),
-    )
-    return dataclasses.replace(truth, **changes)
+    widths = dict.fromkeys(("sticks", "servo_commands", "servo_positions", "power"), 4)
+    widths |= {"flapping": 2, "rotor": 5, "air": 6, "contact": 3, "rates": 3, "gyro_rates": 3}
+    widths |= dict.fromkeys(("attitudes", "velocities", "specific_forces", "positions"), 3)
+    signals = {name: wave(width) for name, width in widths.items()}
+    known = {"imu_offset": np.zeros(3), "swashplate": H3_120}
+    return Trajectory(time=time, timestep=STEP, **known, **{**signals, **changes})
 
 
 def record(truth, seed=0, **settings):
@@ -95,33 +79,23 @@ def in_body(bodies, vectors):
     return np.einsum("nij,ni->nj", bodies, vectors) * FRD
 
 
-def test_corrected_velocity_is_the_centre_of_gravitys(tumbling):
-    """Measured at the IMU and corrected by omega x r, u v w are those of the CG."""
+def test_what_the_imu_measures_is_corrected_to_the_centre_of_gravity(tumbling):
+    """U v w lose omega x r, forces their kin; an arm that is off leaves omega x that."""
     truth, bodies, velocities, positions = tumbling
-    seen = record(truth, **WIDE, **PLAIN)
+    right = record(truth, **WIDE, **PLAIN)
     wanted = in_body(bodies, velocities)
     # exact kinematics: rounding
-    assert seen.select(VELOCITIES)[::2] == pytest.approx(wanted, abs=1e-12)
-    assert seen.select(POSITIONS)[::2] == pytest.approx(positions * FRD, abs=1e-12)
-
-
-def test_corrected_force_is_the_centre_of_gravitys(tumbling):
-    """The specific force loses d(omega)/dt x r and omega x (omega x r) on the way to the CG."""
-    truth, bodies, velocities, _ = tumbling
-    seen = record(truth, **WIDE, **PLAIN).select(ACCELERATIONS)[::2]
+    assert right.select(VELOCITIES)[::2] == pytest.approx(wanted, abs=1e-12)
+    assert right.select(POSITIONS)[::2] == pytest.approx(positions * FRD, abs=1e-12)
+    seen = right.select(ACCELERATIONS)[::2]
+    # the specific force loses d(omega)/dt x r and omega x (omega x r) on the way there
     rate = np.gradient(velocities, STEP, axis=0)
     wanted = in_body(bodies, rate + np.array([0.0, 0.0, 9.8015]))
     inner = slice(60, -2)
     # both sides differentiate by central differences: h^2/6 of a third derivative. With modes
     # of 27 rad/s and 3 m/s^2 that is 27^2 x 3 h^2/6 = 1.5e-3
     assert seen[inner] == pytest.approx(wanted[inner], abs=2e-3)
-
-
-def test_a_lever_arm_that_was_measured_is_what_corrects(tumbling):
-    """An arm that is off by so much leaves omega x that in the velocity."""
-    truth, _, _, _ = tumbling
     off = np.array([0.01, -0.02, 0.03])
-    right = record(truth, **WIDE, **PLAIN)
     measured = record(truth, **WIDE, **PLAIN, lever_arm=tuple(truth.imu_offset + off))
     left = np.cross(right.select(RATES), off)
     shift = right.select(VELOCITIES) - measured.select(VELOCITIES)

@@ -43,8 +43,8 @@ def percent(finding):
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_stock_mujoco_loads_a_rig_and_holds_the_vehicle_in_it(rig):
-    """Without callbacks, from its first keyframe, a rig runs for a second without a warning."""
+def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
+    """Without callbacks, without a warning; mass, inertia, parameters are those in the air."""
     path = models_folder() / "jr700" / "rigs" / f"{rig}.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -56,11 +56,6 @@ def test_stock_mujoco_loads_a_rig_and_holds_the_vehicle_in_it(rig):
     assert not [warning.number for warning in data.warning if warning.number]
     # the welds give by well under a tenth of a millimetre under 78 N
     assert data.qpos[2] == pytest.approx(height, abs=1e-4)
-
-
-@pytest.mark.parametrize("rig", RIGS)
-def test_a_rig_holds_the_vehicle_as_it_flies(jr700, rig):
-    """Mass, inertia, parameters and channels in a rig are those of the vehicle in the air."""
     held = hold(jr700, rig).model
     flying = jr700.model
     assert held.body("jr700").subtreemass == pytest.approx(flying.body("jr700").subtreemass)
@@ -108,11 +103,6 @@ def test_the_gains_found_are_those_of_the_vehicle_tested():
     assert bench["k_p"].value == pytest.approx(GAINS["gyro.k_p"], rel=0.015)
     assert bench["k_I"].value == pytest.approx(GAINS["gyro.k_i"], rel=0.002)
     assert table["k_a"].value == pytest.approx(GAINS["gyro.k_a"], rel=0.005)
-
-
-def test_a_servo_at_its_limit_is_refused():
-    with pytest.raises(RecordError, match="limit"):
-        bench_test(load(parameters={"gyro.k_delta": 10.0}))
 
 
 def made_up(gap, gain, ratio, delay, lead, lead_filter):
@@ -176,14 +166,12 @@ def test_a_centre_of_gravity_elsewhere_is_found_there(jr700):
     assert centre_of_gravity(lines) == pytest.approx([0.02, 0.01, -0.015], abs=1e-3)
 
 
-def test_a_helicopter_that_still_swings_is_refused(jr700):
+def test_what_a_rig_can_not_measure_is_refused(jr700):
+    """A helicopter that swings, plumb lines that do not cross, a servo at its limit."""
     held = hold(jr700, "suspension")
     record = hang(held, "frame", duration=6.0)
     with pytest.raises(RecordError, match="still moves"):
         plumb_line(record, suspension_points(held)["frame"])
-
-
-def test_lines_that_do_not_cross_are_refused():
     line = PlumbLine(np.zeros(3), np.array([0.0, 0.0, 1.0]))
     beside = PlumbLine(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     with pytest.raises(InputError, match="two plumb lines"):
@@ -191,7 +179,9 @@ def test_lines_that_do_not_cross_are_refused():
     with pytest.raises(InputError, match="another point"):
         centre_of_gravity([line, beside])
     with pytest.raises(UnknownNameError, match="point 'tail'; available: mast, frame"):
-        hang(hold(load(), "suspension"), "tail")
+        hang(held, "tail")
+    with pytest.raises(RecordError, match="limit"):
+        bench_test(load(parameters={"gyro.k_delta": 10.0}))
 
 
 def test_a_record_says_where_it_comes_from(jr700):

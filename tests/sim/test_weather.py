@@ -28,13 +28,10 @@ def down_in_body(attitudes):
 
 def test_time_step_does_not_matter():
     """Half the step: the same noise at the same ticks, the same air."""
-    weather = Weather(turbulence="light")
-    air = []
+    calm, air = {"excitation": SHORT, "pilot": Pilot(remnant=0.0)}, []
+    plan = FlightPlan(**calm, weather=Weather(turbulence="light"))
     for step in (0.002, 0.001):
-        vehicle = load(timestep=step)
-        (truth,) = simulate(
-            vehicle, FlightPlan(excitation=SHORT, weather=weather, pilot=Pilot(remnant=0.0)), seed=2
-        )
+        (truth,) = simulate(load(timestep=step), plan, seed=2)
         seen = truth.at_ticks()
         air.append(np.sum(down_in_body(seen.attitudes) * seen.air[:, :3], axis=1))
     assert np.std(air[0]) > 0.1
@@ -48,9 +45,8 @@ def test_air_is_reported_in_body_axes(jr700, heading, start):
     gust = Gust(east=4.0, start=start, rise=1.0, hold=9.0)  # half of it, rising or falling
     weather = Weather(wind=3.0, wind_from=heading, rms=(1.0, 1.0, 1.0), gust=gust)
     vehicle = weather.trimmed(jr700)
-    model = prepare(
-        vehicle, FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather), seed=1, number=0
-    )
+    plan = FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather)
+    model = prepare(vehicle, plan, seed=1, number=0)
     data = mujoco.MjData(model)
     first = addresses(model).state + STATE.air_u
     data.act[first : first + 8] = states = np.arange(1.0, 9.0)
@@ -58,15 +54,9 @@ def test_air_is_reported_in_body_axes(jr700, heading, start):
     with installed():
         mujoco.mj_forward(model, data)
     u, v, w, p, q, r = law.turbulence(states, SPAN)
-    turn = np.array(
-        [
-            [math.cos(heading), -math.sin(heading), 0.0],
-            [math.sin(heading), math.cos(heading), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    earth = turn @ [u, v, w] + turn @ [-3.0, 0.0, 0.0] + [0.0, 2.0, 0.0]
     c, s = math.cos, math.sin
+    turn = np.array([[c(heading), -s(heading), 0], [s(heading), c(heading), 0], [0, 0, 1]])
+    earth = turn @ [u, v, w] + turn @ [-3.0, 0.0, 0.0] + [0.0, 2.0, 0.0]
     yaw = np.array([[c(0.5), s(0.5), 0], [-s(0.5), c(0.5), 0], [0, 0, 1]])
     pitch = np.array([[c(0.3), 0, -s(0.3)], [0, 1, 0], [s(0.3), 0, c(0.3)]])
     roll = np.array([[1, 0, 0], [0, c(-0.2), s(-0.2)], [0, -s(-0.2), c(-0.2)]])

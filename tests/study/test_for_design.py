@@ -131,19 +131,13 @@ def test_a_vehicle_without_a_bench_says_its_servos_itself():
     assert servos_of(None) is None
 
 
-def test_an_axis_without_sweeps_is_named_with_what_to_do():
+def test_flights_that_do_not_suffice_are_refused_with_what_to_do(tmp_path):
     flights = {"lat": [make_flight()], "lon": [make_flight()], "col": [make_flight()]}
     with pytest.raises(InputError, match=r"no sweep of ped.*Fly some"):
         identify_for_design(flights)
     with pytest.raises(InputError, match=r"no sweep of lon.*sweeps of lat\. Fly"):
         identify_for_design({"lat": [make_flight()]}, axes=["roll"])
-
-
-def test_records_that_do_not_say_what_they_sweep_are_refused():
     with pytest.raises(InputError, match="none of the records says which axis it sweeps"):
         sweeps_of([make_flight()])
-
-
-def test_a_folder_without_records_is_refused(tmp_path):
     with pytest.raises(StorageError, match="has no flight records"):
         identify_for_design(tmp_path)

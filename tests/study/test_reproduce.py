@@ -2,11 +2,18 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
 import helisim as hs
-from helisim.study.results import as_json
+from helisim.base.errors import DivergedError
+from helisim.records.record import AXES
+from helisim.records.storage import read_record
+from helisim.sim import Recorder, Sweep
+from helisim.study import experiment
+from helisim.study.experiment import fly_sweeps
+from helisim.study.results import Exclusion, as_json
 from killing import kill_at
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
@@ -41,9 +48,14 @@ def check_recovery(results):
         assert abs(found[name].error_percent) < LOOSE_PERCENT, found[name]
 
 
-def test_every_parameter_is_recovered_and_agrees_with_the_paper(results):
+def test_every_parameter_is_recovered_and_what_was_left_out_is_said(results):
     check_recovery(results)
     assert results.misses == ()
+    assert len(results.excluded) == 4
+    for one in results.excluded:
+        assert one.reason == "less coherent"
+        assert one.coherence <= one.limit
+        assert one.kept == 3
 
 
 @pytest.mark.study
@@ -108,20 +120,16 @@ def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
     assert written == as_json(check)
 
 
-def test_before_and_after_the_gyro_stand_beside_the_papers(results, folder):
+def test_the_gyros_effect_and_the_doublets_figures_are_in_the_results(results, folder):
     """A_lon and B_lat fall to 0.57 as in the paper, and tau_f falls, whatever the text says."""
-    written = json.loads((folder / "results.json").read_text())["before_after"]
-    assert written == as_json(results.gyro_effect)
-    for one in written["changes"]:
+    written = json.loads((folder / "results.json").read_text())
+    assert written["before_after"] == as_json(results.gyro_effect)
+    for one in written["before_after"]["changes"]:
         # both columns within 3 %, couplings within 10 % of the paper's
         limit = 0.06 if one["name"] in TIGHT else 0.2
         assert one["ratio"] == pytest.approx(one["paper_ratio"], rel=limit)
-
-
-def test_the_doublets_figures_are_in_the_results(results, folder):
-    written = json.loads((folder / "results.json").read_text())["verification"]
-    assert written.keys() == {"rollpitch_in1", "rollpitch_in2"}
-    for found in written.values():
+    assert written["verification"].keys() == {"rollpitch_in1", "rollpitch_in2"}
+    for found in written["verification"].values():
         assert [one["name"] for one in found["outputs"]] == ["p", "q"]
         for one in found["outputs"]:
             assert one["j_rms"] > 0.0
@@ -141,14 +149,6 @@ def test_the_records_alone_give_the_same_model(results, folder):
     )
     fit = hs.identify(frf, hs.structures.heave)
     assert fit["Z_w"].value == results["heave"]["Z_w"].identified
-
-
-def test_what_was_left_out_is_said(results):
-    assert len(results.excluded) == 4
-    for one in results.excluded:
-        assert one.reason == "less coherent"
-        assert one.coherence <= one.limit
-        assert one.kept == 3
 
 
 @pytest.mark.study
@@ -172,3 +172,54 @@ def test_a_killed_run_leaves_the_results_before(results, folder, tmp_path):
     words = ("--flights", "3", "--seed", "1", "--out", str(copied), "--quiet")
     kill_at(path.name, "reproduce", *words)
     assert path.read_bytes() == before
+
+
+END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
+
+
+@pytest.fixture
+def over(monkeypatch):
+    """Let flights of these numbers be over, of sweeps that last 35 s: otherwise as flown."""
+
+    def choose(*numbers):
+        def ended(number, record):
+            if number not in numbers:
+                return record
+            return replace(record, provenance={**record.provenance, "ended": END})
+
+        def marked(vehicle, plan, which, then, **options):
+            def do(number, record):
+                return then(number, ended(number, record))
+
+            return flown(vehicle, plan, which, do, **options)
+
+        flown = experiment.fly_each
+        monkeypatch.setattr(experiment, "fly_each", marked)
+        monkeypatch.setattr(experiment, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
+
+    return choose
+
+
+@pytest.mark.slow
+def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
+    over(0)
+    (tmp_path / "flights").mkdir()
+    kept, excluded = fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), tmp_path, lambda _: None)
+    for axis in AXES:
+        (record,) = kept[axis]
+        assert record.provenance["flight"] == 1
+        assert read_record(tmp_path / "flights" / f"{axis}_01.parquet").ended
+    assert excluded == tuple(
+        Exclusion(
+            flight=f"{axis}_01",
+            reason="terminated early",
+            ended="the helicopter touched the ground at 12.50 s",
+        )
+        for axis in AXES
+    )
+
+
+def test_too_few_that_went_on_end_the_experiment(jr700, over):
+    over(0, 1)
+    with pytest.raises(DivergedError, match=r"2 of 2 sweeps of col .* ground at"):
+        fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), None, lambda _: None)

@@ -11,24 +11,19 @@ from script import loaded
 TRUTH = -2.0
 
 
+def row(truth, error, stated, **more):
+    """Return a row of one parameter; where there is no error, of one that failed."""
+    found = {"truth": truth, "estimate": truth + (error or 0.0), "standard_error": stated}
+    found |= {"cramer_rao": 3.0 * stated}
+    found = dict.fromkeys(found) if error is None else found
+    return {**more, "method": "designed", **found, "failure": "none" if error is None else None}
+
+
 def made(count, *, std, bias=0.0, stated=None, noise=1.0, seed=0):
     """Rows of one parameter with normal errors of a known size."""
     errors = np.random.default_rng(seed).normal(bias, std, count)
-    return [
-        {
-            "noise": noise,
-            "flights": 10,
-            "method": "designed",
-            "model": "heave",
-            "parameter": "Z_w",
-            "truth": TRUTH,
-            "estimate": TRUTH + error,
-            "standard_error": std if stated is None else stated,
-            "cramer_rao": 3.0 * std,
-            "failure": None,
-        }
-        for error in errors
-    ]
+    what = {"noise": noise, "flights": 10, "model": "heave", "parameter": "Z_w"}
+    return [row(TRUTH, error, stated or std, **what) for error in errors]
 
 
 def test_honest_errors_are_found_honest():
@@ -65,8 +60,7 @@ def test_groups_are_kept_apart():
 
 def test_failures_are_counted_not_judged():
     rows = made(50, std=0.1)
-    empty = dict.fromkeys(("estimate", "truth", "standard_error", "cramer_rao"))
-    failed = [{**rows[0], **empty, "failure": "diverged"}] * 3
+    failed = [{**rows[0], **row(TRUTH, None, 0.1)}] * 3
     (clean,) = summarise(pa.Table.from_pylist(rows))
     (one,) = summarise(pa.Table.from_pylist(rows + failed))
     assert (one.count, one.failed) == (50, 3)
@@ -81,25 +75,14 @@ def study():
     return loaded("proof/campaign_study")
 
 
-def rows_of(errors, *, duration=90, flights=1, turbulence=0.0, parameter="N_r", se=0.01):
+def rows_of(errors, *, duration=90, flights=1, turbulence=0.0):
     """Rows of N_r, whose truth is -1, with these relative errors; a failed one for None."""
+    what = {"sweep.duration": duration, "weather.turbulence": turbulence, "flights": flights}
+    what |= {"model": "yaw_base", "parameter": "N_r"}
+    times = [None if error is None else float(duration * flights) for error in errors]
     return [
-        {
-            "replicate": number,
-            "sweep.duration": duration,
-            "weather.turbulence": turbulence,
-            "flights": flights,
-            "flight_time": None if error is None else float(duration * flights),
-            "method": "designed",
-            "model": "yaw_base",
-            "parameter": parameter,
-            "truth": None if error is None else -1.0,
-            "estimate": None if error is None else -1.0 + error,
-            "standard_error": None if error is None else se,
-            "cramer_rao": None if error is None else 3.0 * se,
-            "failure": "no coherence" if error is None else None,
-        }
-        for number, error in enumerate(errors)
+        row(-1.0, error, 0.01, replicate=number, flight_time=time, **what)
+        for number, (error, time) in enumerate(zip(errors, times))
     ]
 
 

@@ -1,0 +1,112 @@
+"""What the studies of scripts/ claim: bars of a design, intervals of a loop's figures, inflow."""
+
+import numpy as np
+import pytest
+
+import helisim as hs
+from helisim.ident.evaluate import linear
+from helisim.sim import Recorder
+from helisim.study.design_chain import run_design
+from script import loaded
+
+STUDY = loaded("design_study")
+BARS, errors = STUDY.BARS, STUDY.errors
+
+AXES = ("lat", "lon", "ped")
+SHARE = {"predicted": 0.8, "flown": 0.9}
+"""Of the bars, which are given: 0.41 and 0.54 of them were the largest errors of ten flights an
+axis, and six flights have 1.3 times the scatter."""
+
+
+@pytest.fixture(scope="module")
+def run(jr700):
+    """The chain from six sweeps on each axis to the flown proof."""
+    sweeps = {axis: hs.fly(jr700, hs.Sweep(axis=axis), count=6, seed=3) for axis in (*AXES, "col")}
+    return run_design(sweeps, vehicle=jr700)
+
+
+@pytest.mark.study
+def test_a_design_is_flown_as_it_was_predicted(run):
+    """Within its bars; it keeps its levels in flight, away from all stops."""
+    found = list(errors(run))
+    assert {(one.axis, one.figure) for one in found} == {(a, b) for a in AXES for b in BARS}
+    for one in found:
+        bar, _ = BARS[one.figure]
+        assert abs(one.predicted) < SHARE["predicted"] * bar, one
+        assert abs(one.flown) < SHARE["flown"] * bar, one
+    assert run.met
+    assert run.result.share == 1.0
+    assert not run.proof.stops
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("angle", ["phi", "theta", "psi"])
+def test_a_gust_turns_it_less_than_with_the_shipped_gyro(run, angle):
+    peaks = []
+    for record in (run.proof.events["gust"], run.proof.before["gust"]):
+        peaks.append(abs(record[angle] - record[angle][:100].mean()).max())
+    assert peaks[0] < peaks[1]
+
+
+study = loaded("proof/margins_study").study
+
+REPLICATES = 16
+
+
+@pytest.mark.study
+def test_intervals_hold_the_exact_figures_and_are_no_wider_than_need_be(jr700):
+    """Noise and light turbulence: 94 % of all, with the gyro, at actuators, sensors and sticks.
+
+    Of 16 replicates an interval that holds 94 % holds 12 or fewer once in 500. Their width is
+    that of the scatter, by which 16 replicates tell 18 %, times 1.5 for what they can't know:
+    the bias that is left, and that no flight is at trim.
+    """
+    found = study(jr700, REPLICATES)
+    names = {(name, at) for name, _, at in found}
+    assert {("gain_margin", "actuators"), ("DRB", "sensors"), ("phase_delay", "stick")} <= names
+    usual = [one for one in found.values() if one.value.size == REPLICATES]
+    assert len(usual) >= 20
+    assert np.mean([one.share for one in usual]) >= 0.94
+    assert min(one.share for one in usual) > 12 / REPLICATES
+    stated = [np.median(one.high - one.low) / 3.92 / np.std(one.value) for one in usual]
+    assert np.median(stated) < 1.5 * 1.18
+
+
+INFLOW = loaded("proof/inflow_study")
+STATES = ("p", "q", "flap_a", "flap_b", "inflow_s", "inflow_c")
+SWASH = ("front", "left", "right")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return hs.load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
+
+
+@pytest.fixture(scope="module")
+def true(vehicle):
+    return INFLOW.truth(vehicle, Recorder.of(vehicle))
+
+
+def test_rollpitch_inflow_is_the_linearised_vehicle_state_by_state(vehicle, true):
+    structure = hs.structures.rollpitch_inflow
+    model = linear(structure, {name: true[name] for name in structure.names})
+    system = vehicle.linearize("IN1").system
+    names = list(system.state_labels)
+    rows = [names.index(name) for name in STATES]
+    own = vehicle.parameters
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"] * own["main_rotor.direction"]
+    scale = np.diag([1.0, 1.0, 1.0, 1.0, -1.0 / tip, 1.0 / tip])  # the tilts that slopes ask for
+    whole = np.asarray(system.A)
+    found = scale @ whole[np.ix_(rows, rows)] @ np.linalg.inv(scale)
+    # damping of the bare body, 0.03 1/s, has no place in it; and eq. (8) has springs that are not
+    # the same all around, 0.0066 / tau_f = 0.24 1/s of 37
+    np.testing.assert_allclose(model.a, found, atol=0.25)
+    inflow_and_hub = np.ix_([0, 1, 4, 5], [2, 3, 4, 5])
+    np.testing.assert_allclose(model.a[inflow_and_hub], found[inflow_and_hub], atol=0.05)
+    positions = [names.index(f"{one}_position") for one in SWASH]
+    speeds = [names.index(f"{one}_rate") for one in SWASH]
+    inputs = [system.input_labels.index(name) for name in structure.inputs]
+    mixed = np.asarray(system.B)[np.ix_(speeds, inputs)]
+    stiff = -whole[speeds, positions][:, None]
+    cyclic = scale @ whole[np.ix_(rows, positions)] @ (mixed / stiff)
+    np.testing.assert_allclose(model.b, cyclic, atol=1e-3)
