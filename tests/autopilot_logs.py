@@ -1,4 +1,4 @@
-"""Logs of PX4 and ArduPilot, written byte by byte by the descriptions of their formats.
+"""Logs of PX4 and ArduPilot, written byte by byte by the descriptions of their formats; tables.
 
 ULog: PX4 user guide, "ULog file format". DataFlash: ArduPilot, `AP_Logger`.
 """
@@ -111,3 +111,10 @@ def dataflash(messages):
     for stamp, kind, numbers in sorted(rows, key=lambda one: one[0]):
         log.write(kind, stamp, *numbers)
     return log.data
+
+
+def table(path, *columns, header="t [s],p"):
+    """Write columns, (n_row,) each, as CSV, and return the path."""
+    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*columns)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path

@@ -106,13 +106,12 @@ def test_damage_anywhere_costs_no_other_message(tmp_path, seed):
         data[at : at + (0 if kind == 2 else count)] = b"" if kind == 1 else junk[:count]
         hurt = range(k, int(np.searchsorted(starts, at + (0 if kind == 2 else count))) + 1)
         read = DataFlash(saved(tmp_path, bytes(data)))
+        types = {1: "ONE", 2: "TWO"}
         found = {
-            (name, int(n)) for name in ("ONE", "TWO") for n in read.table(name)["N"] if n < 1000
+            (name, int(n)) for name in types.values() for n in read.table(name)["N"] if n < 1e3
         }
-        every = [
-            ("ONE" if one[2] == 1 else "TWO", int.from_bytes(one[11:15], "little"))
-            for one in log.messages
-        ]
+        numbered = [(one[2], int.from_bytes(one[11:15], "little")) for one in log.messages]
+        every = [(types.get(kind, "TWO"), number) for kind, number in numbered]
         expected = {every[j] for j in range(first, whole) if j not in hurt}
         if kind == 1:  # nothing is read as the rest of what was cut out
             assert found <= set(every)
@@ -136,26 +135,23 @@ def test_a_logger_that_drops_messages(tmp_path):
     log.define(3, "DSF", "QII", "TimeUS,Dp,Blk")
     log.write(3, 9_000_000, int(away.sum()), 7)
     path = log.save(tmp_path)
-    with pytest.raises(
-        LogError, match=r"most are short.*up to 0\.\d+ s \(max_gap\), and split"
-    ) as error:
-        read_log(path, channels={"p": "ONE.X"}, resample_hz=100.0)
+    asked = {"channels": {"p": "ONE.X"}, "resample_hz": 100.0}
+    advice = r"most are short.*up to 0\.\d+ s \(max_gap\), and split"
+    with pytest.raises(LogError, match=advice) as error:
+        read_log(path, **asked)
     (finding,) = error.value.findings
     _, allowed, *repair = said(finding).split()
     assert repair == ["--repair", "gaps"]
-    read = read_log(
-        path, channels={"p": "ONE.X"}, resample_hz=100.0, max_gap=float(allowed), repair="gaps"
-    )
+    read = read_log(path, **asked, max_gap=float(allowed), repair="gaps")
     (bridged,) = [one for one in read.report.findings if one.kind == "bridged gap"]
     (dropped,) = [one for one in read.report.findings if one.kind == "dropped"]
     assert dropped.count == away.sum()
     assert len(read.records) < 10
     assert bridged.repaired
     assert bridged.count > 40
-    assert max(np.max(np.abs(one["p"])) for one in read.records) == pytest.approx(
-        np.radians(1.0),
-        rel=1e-3,  # ten samples of a period of 1257 are missing at most
-    )
+    largest = max(np.max(np.abs(one["p"])) for one in read.records)
+    # ten samples of a period of 1257 are missing at most
+    assert largest == pytest.approx(np.radians(1.0), rel=1e-3)
     slow = read_log(path, channels={"q": "SLO.Y"}, max_gap=float(allowed), resample_hz=4.0)
     assert len(slow.records) == 1  # a clock that is slower than the gap isn't all gaps
 

@@ -22,12 +22,10 @@ from helisim.look import look
 MAP = Map(
     {"p": Column("p", "deg/s"), "lat": Column("u", "us", trim=1500, range=800)}, Clock("t", "s")
 )
-REPAIR_SETS = st.sampled_from(
-    [(), ("missing",), ("duplicates", "gaps", "missing"), ("resets", "gaps")]
-)
-SETTINGS = settings(
-    max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
-)
+REPAIRS = [(), ("missing",), ("duplicates", "gaps", "missing"), ("resets", "gaps")]
+REPAIR_SETS = st.sampled_from(REPAIRS)
+LARGE = [HealthCheck.too_slow, HealthCheck.data_too_large]
+SETTINGS = settings(max_examples=60, suppress_health_check=LARGE)
 
 
 def opened(data: bytes, read, **options) -> Any:
@@ -142,9 +140,8 @@ HEADS = st.sampled_from(
         *("lat", "LAT [percent]", "rc1", "collective [%]", "acc_z", "az [g]", "climb", "a:b", "n"),
     ]
 )
-COLUMNS = st.sampled_from(
-    ["time", "ms", "sine", "zero", "noise", "pulses", "holes", "wild", "none"]
-)
+KINDS = ["time", "ms", "sine", "zero", "noise", "pulses", "holes", "wild", "none"]
+COLUMNS = st.sampled_from(KINDS)
 
 
 def column(kind, count, seed):

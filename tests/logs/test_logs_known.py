@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import autopilot_logs
 import helisim as hs
+from autopilot_logs import table
 from helisim.base.errors import LogError
 from helisim.base.units import UNITS
 from helisim.logs import Clock, Column, read_log, resample
@@ -21,12 +22,6 @@ from helisim.logs.screening import Channels, Likeness, likeness
 from helisim.logs.timing import steadiness
 
 P = {"p": Column("p", "rad/s")}
-
-
-def table(path, *columns, header="t [s],p [rad/s]"):
-    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*columns)]
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return path
 
 
 @pytest.mark.parametrize(
@@ -54,7 +49,7 @@ def test_a_clock_is_judged_by_its_steps(steps, max_gap, kind, numbers, rate):
 def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
     """Ten samples, 21 s without, ten more, 21 s without, and one: 42 of 60 s, lines 12 and 22."""
     t = np.r_[0:10, 30:40, 60].astype(float)
-    path = table(tmp_path / "a.csv", t, np.arange(21.0))
+    path = table(tmp_path / "a.csv", t, np.arange(21.0), header="t [s],p [rad/s]")
     with pytest.raises(LogError) as caught:
         read_log(path)
     gap = "a gap of 21 s from 9 s after the start (2 gaps, 42 s, 70 % of the log); "
@@ -90,7 +85,9 @@ def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
 
 def test_findings_keep_twenty_rows_and_count_all(tmp_path):
     t = np.repeat(np.arange(40.0), 2)
-    (one,) = read_log(table(tmp_path / "a.csv", t, t), repair="duplicates").report.findings
+    (one,) = read_log(
+        table(tmp_path / "a.csv", t, t), channels=P, repair="duplicates"
+    ).report.findings
     assert (one.count, one.rows) == (40, tuple(range(3, 43, 2)))
     assert one.to_dict()["rows"] == list(one.rows)
 
@@ -98,7 +95,7 @@ def test_findings_keep_twenty_rows_and_count_all(tmp_path):
 def test_averages_and_interpolation_pass_over_holes(tmp_path):
     """Of rows with one stamp those with a number; between neighbours else; never by a guess."""
     path = table(tmp_path / "a.csv", [0, 1, 1, 2, 3, 3, 4], [0, 1, math.nan, 4, 5, 7, 8])
-    log = read_log(path, repair=("duplicates",))
+    log = read_log(path, channels=P, repair=("duplicates",))
     assert log.record["p"].tolist() == [0, 1, 4, 6, 8]
     words = ("", "nan", "-nan", "NA", "n/a", "#N/A", "null", "None", "nan(ind)", "-NaN(ind)")
     rows = "".join(f"{k},{k}\n{k}.5,{word}\n" for k, word in enumerate(words))

@@ -73,13 +73,10 @@ def test_angles_in_another_unit_are_told():
 def test_swapped_axes_are_told_with_their_signs():
     """Two rates, and all three in a ring; with a sign where one is needed."""
     own = flight()
-    assert options(own | {"p": own["q"], "q": -own["p"]}) == {
-        "--channel q=p_raw:rad/s --channel p=q_raw:rad/s:sign=-1"
-    }
-    ring = own | {"p": own["q"], "q": own["r"], "r": own["p"]}
-    assert options(ring) == {
-        "--channel q=p_raw:rad/s --channel r=q_raw:rad/s --channel p=r_raw:rad/s"
-    }
+    (two,) = options(own | {"p": own["q"], "q": -own["p"]})
+    assert two == "--channel q=p_raw:rad/s --channel p=q_raw:rad/s:sign=-1"
+    (ring,) = options(own | {"p": own["q"], "q": own["r"], "r": own["p"]})
+    assert ring == "--channel q=p_raw:rad/s --channel r=q_raw:rad/s --channel p=r_raw:rad/s"
 
 
 @pytest.mark.parametrize("name", ["p", "q", "r"])
@@ -96,9 +93,8 @@ def test_gravity_alone_tells_an_accelerometer():
     down = rest | {"az": rest["az"] - STANDARD_GRAVITY}
     assert found(down) == []
     assert options(down | {"az": -down["az"]}) == {"--channel 'az=az_raw:m/s^2:sign=-1'"}
-    assert options({name: down[name] / STANDARD_GRAVITY for name in FORCES}) == {
-        "--channel az=az_raw:g"
-    }
+    in_g = {name: down[name] / STANDARD_GRAVITY for name in FORCES}
+    assert options(in_g) == {"--channel az=az_raw:g"}
     assert options({"az": -down["az"] / STANDARD_GRAVITY}) == {"--channel az=az_raw:g:sign=-1"}
 
 

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from autopilot_logs import table
 from helisim.base.errors import HelisimError, InputError, LogError, RecordError, StorageError
 from helisim.logs import Clock, Column, Map, read_log, read_logs
 from remedies import said
@@ -14,21 +15,15 @@ P, SECONDS = {"p": Column("p", "rad/s")}, Clock("t", "s")
 MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, SECONDS)
 
 
-def write(path, time, *columns, header="t,p,q,u"):
-    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(time, *columns)]
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return path
-
-
 def faulty(folder):
     """Return two logs: holes and a unit that nobody states; a gap, repeats and a dead input."""
     t = np.arange(200) / 50.0
     p = np.sin(t)
     p[[20, 21]] = np.nan
-    one = write(folder / "one.csv", t, p, np.cos(t), np.sin(2.0 * t))
+    one = table(folder / "one.csv", t, p, np.cos(t), np.sin(2.0 * t), header="t,p,q,u")
     time = np.where(np.arange(200) >= 100, t + 3.0, t)
     time[50] = time[49]
-    two = write(folder / "two.csv", time, np.sin(t), np.cos(t), np.ones(200), header="t,p,q,u")
+    two = table(folder / "two.csv", time, np.sin(t), np.cos(t), np.ones(200), header="t,p,q,u")
     return one, two
 
 
@@ -75,7 +70,7 @@ def test_the_error_is_of_every_kind_and_survives_a_process(tmp_path):
 def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declared):
     """Steps of 20 s, of 20 000 s, or of 20 us: no flight log has such."""
     t = unit * np.arange(200) / 50.0
-    path = write(tmp_path / "a.csv", t, np.sin(t), header="t,p")
+    path = table(tmp_path / "a.csv", t, np.sin(t), header="t,p")
     with pytest.raises(LogError, match="its steps are") as raised:
         read_log(path, channels=P, time=Clock("t", declared))
     right = {1e3: "ms", 1e6: "us", 1e-3: "s"}[unit]
@@ -86,7 +81,7 @@ def jittery(folder, share, seed=0, rate=100.0):
     """Return a log whose stamps are off by a normal share of a step, and its true function."""
     rng = np.random.default_rng(seed)
     t = (np.arange(3000) + share * rng.uniform(-0.5, 0.5, 3000)) / rate
-    return write(folder / "jitter.csv", t, np.sin(5.0 * t), header="t,p")
+    return table(folder / "jitter.csv", t, np.sin(5.0 * t), header="t,p")
 
 
 def test_small_jitter_is_resampled_unasked_and_told(tmp_path):

@@ -83,12 +83,8 @@ def test_every_format_gives_the_same_record(log_of):
     assert record.sample_time == pytest.approx(RATE)
     assert record.time[0] == 0.0
     assert record["p"] == pytest.approx(-np.radians(np.sin(record.time)), abs=1e-8)
-    assert (report.format, report.counts, report.samples, report.origin) == (
-        name,
-        counts,
-        500,
-        origin,
-    )
+    told = (report.format, report.counts, report.samples, report.origin)
+    assert told == (name, counts, 500, origin)
     assert report.digest == hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
     assert other in report.unused
     assert log.where("p") == f"{path}, column {column!r}, {counts}s {first} to {first + 499}"

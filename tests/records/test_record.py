@@ -1,8 +1,15 @@
+"""A record: what it holds, refuses, hands on as a table, and what importing it loads."""
+
+import subprocess
+import sys
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from helisim.base.errors import RecordError, UnknownNameError
 from helisim.records.record import FlightRecord, channel
+from made_run import make_flight
 
 
 def make_record(**changes) -> FlightRecord:
@@ -17,7 +24,7 @@ def make_record(**changes) -> FlightRecord:
 
 
 def test_channels_are_addressed_by_name():
-    """Indexing gives (n_time,), selecting gives (n_time, n_name), for one name too."""
+    """(n_time,), or (n_time, n_name) for several; an unknown one lists those that exist."""
     record = make_record()
     np.testing.assert_array_equal(record["p"], 10.0 * record.time)
     np.testing.assert_array_equal(record.select(["p", "lat"]), record.values[:, ::-1])
@@ -26,10 +33,6 @@ def test_channels_are_addressed_by_name():
     assert "lat" in record
     assert "LAT" not in record
     assert len(record) == 5
-
-
-def test_an_unknown_channel_lists_those_that_exist():
-    """Case tells IN1 from IN2, and the message shows what there is."""
     for attempt in (make_record().__getitem__, make_record().unit):
         with pytest.raises(UnknownNameError, match="unknown channel 'LAT'; available: lat, p"):
             attempt("LAT")
@@ -81,3 +84,42 @@ def test_the_sample_time_needs_uniform_samples():
 def test_a_malformed_record_is_refused(changes, message):
     with pytest.raises(RecordError, match=message):
         make_record(**changes)
+
+
+RECORD = make_flight(("lat", "p", "thrust"), seed=3, vehicle="jr700")
+
+
+def test_a_dataframe_has_numbers_units_and_origin():
+    frame = RECORD.to_pandas()
+    assert isinstance(frame, pd.DataFrame)
+    assert frame.index.name == "time"
+    np.testing.assert_array_equal(frame.index, RECORD.time)
+    np.testing.assert_array_equal(frame["p"], RECORD["p"])
+    assert frame.attrs["units"] == {"lat": "1", "p": "rad/s", "thrust": "N"}
+    assert frame.attrs["provenance"]["vehicle"] == "jr700"
+    frame.iloc[0, 0] = 7.0  # it is the user's own
+    assert RECORD["lat"][0] != 7.0
+
+
+HEAVY = ("scipy", "pyarrow", "matplotlib", "control", "numba", "mujoco", "pyulog", "pymavlink")
+
+
+@pytest.mark.parametrize(
+    "module", ["helisim.records.record", "helisim.records.storage", "helisim.logs"]
+)
+def test_records_load_no_heavy_library(module):
+    """Each would cost every command its start: scipy.signal alone takes half a second."""
+    code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []
+
+
+def test_a_flight_is_flown_without_pyplot():
+    """python-control brings it, at half a second."""
+    code = (
+        "import sys; import helisim as hs\n"
+        "hs.fly(hs.load('jr700'), hs.Doublet(axis='lat', duration=8.0))\n"
+        "print('control' in sys.modules, 'matplotlib' in sys.modules)\n"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["False", "False"]

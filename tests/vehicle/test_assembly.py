@@ -19,15 +19,11 @@ from helisim.vehicle.assembly import assemble, total_inertia
 from helisim.vehicle.trim import addresses, place
 
 
-def test_total_inertia_is_the_calibrated(jr700):
-    """The parts add up to the calibrated moments, without products, about the body's origin."""
+def test_inertia_is_the_calibrated_about_the_centre_of_gravity(jr700):
+    """About the root body's frame, which the force laws act about, and without products."""
     wanted = [jr700.parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
     # MuJoCo keeps principal axes as a quaternion: rounding of 0.4 kg m^2
     assert total_inertia(jr700.model, "jr700") == pytest.approx(np.diag(wanted), abs=1e-12)
-
-
-def test_centre_of_gravity_is_the_bodys_origin(jr700):
-    """The force laws act about the root body's frame: it must be the centre of gravity."""
     data = mujoco.MjData(jr700.model)
     mujoco.mj_kinematics(jr700.model, data)
     mujoco.mj_comPos(jr700.model, data)
@@ -36,7 +32,6 @@ def test_centre_of_gravity_is_the_bodys_origin(jr700):
 
 
 def test_time_step_is_set():
-    """The time step asked for is the model's, and its delay line is long enough for 22 ms."""
     for timestep in (0.002, 0.0005):
         model = load(timestep=timestep).model
         assert model.opt.timestep == timestep
@@ -45,8 +40,8 @@ def test_time_step_is_set():
         assert model.actuator_history[pedal, 0] * timestep >= 0.022 + timestep
 
 
-def test_force_laws_carry_the_parameters(jr700):
-    """The rotor's user numbers are the parameters; all nine actuators say whose they are."""
+def test_force_laws_carry_the_parameters_and_states(jr700):
+    """All nine actuators say whose they are; the laws' states are once more behind the layout's."""
     where = addresses(jr700.model)
     user = jr700.model.actuator_user[where.rotor - ROTOR : where.rotor + 1]
     assert user[:, PARAM.magic].tolist() == [MAGIC] * len(ACTUATORS)
@@ -56,10 +51,6 @@ def test_force_laws_carry_the_parameters(jr700):
     solidity = blades / (np.pi * jr700.parameters["main_rotor.radius"])
     assert user[ROTOR, PARAM.main_solidity] == solidity
     assert user[ROTOR, PARAM.pilot_on] == 0.0
-
-
-def test_states_are_where_the_layout_says(jr700):
-    """The layout's activations in its order, and the laws' states once more behind them."""
     model = jr700.model
     assert model.na == len(STATE) + SWASH_STATES + TAIL_STATES
     servo = model.actuator("servo_front").id

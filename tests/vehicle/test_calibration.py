@@ -3,9 +3,10 @@
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.study.new_vehicle import calibrated_text
 from helisim.study.paper import published
-from helisim.vehicle import calibrate, read_parameters
-from helisim.vehicle.calibrate import DIRECT, SOLVED
+from helisim.vehicle import calibrate, read_parameters, standard_parameters
+from helisim.vehicle.calibrate import DIRECT, SOLVED, flapping_of, is_known, settled
 from helisim.vehicle.parameters import model_folder
 
 FOLDER = model_folder("jr700")
@@ -40,3 +41,36 @@ def test_missing_target_is_named(value):
         targets["N_r"] = value
     with pytest.raises(InputError, match="N_r"):
         calibrate("jr700", given, targets, "test")
+
+
+LYNX = model_folder("lynx")
+
+
+@pytest.fixture(scope="module")
+def given():
+    return read_parameters(LYNX / "parameters.toml")
+
+
+def test_the_disc_of_a_spring_at_the_centre_is_the_books(given):
+    """Padfield's closed form: S = 8 (nu^2 - 1) / gamma; per cyclic 1 / (1 + S^2) and S / (1 + S^2).
+
+    In eq. (8) the steady tilt is inv([[1, -A_b], [-B_a, 1]]) times the cyclic's.
+    """
+    assert is_known(given)
+    assert not is_known(standard_parameters("jr700"))
+    found = flapping_of(given)
+    inertia, speed = 678.14, 35.63
+    lock = 1.225 * 6.0 * 0.391 * 6.4**4 / inertia
+    stiffness = 8.0 * 166352.0 / (inertia * speed**2) / lock
+    back = (found.a_lon + found.a_b * found.b_lon) / (1.0 - found.a_b * found.b_a)
+    right = (found.b_lon + found.b_a * found.a_lon) / (1.0 - found.a_b * found.b_a)
+    assert back == pytest.approx(0.35 / (1.0 + stiffness**2), rel=1e-9)
+    # blades turn counter-clockwise: back cyclic tilts left, too
+    assert right == pytest.approx(-0.35 * stiffness / (1.0 + stiffness**2), rel=1e-9)
+
+
+def test_the_calibrated_file_is_what_calibrate_writes():
+    stored = read_parameters(LYNX / "calibrated.toml")
+    solved = settled("lynx", read_parameters(LYNX / "parameters.toml", LYNX / "tuned.toml"))
+    assert dict(solved) == pytest.approx(dict(stored), rel=1e-9)
+    assert calibrated_text("lynx") == (LYNX / "calibrated.toml").read_text()

@@ -36,19 +36,15 @@ def rotor_numbers(vehicle):
 CONTROLS = ("phi", "theta", "col", "lon", "lat", "ped", "a", "b")
 
 
-def test_hover_is_the_quasi_steady_one(jr700, moving):
-    """Inflow at rest carries the same thrust, and no slope: all of the trim is the same."""
+def test_hover_and_derivatives_are_the_quasi_steady_ones(jr700, moving):
+    """Inflow at rest carries the same thrust, and inflow that has followed leaves nothing.
+
+    But for what drift tilts the disc by: a wake that drift skews at once is in Pitt and Peters'.
+    """
     for name in CONTROLS:
         # both trims leave 1e-9 m/s^2 at most: 1e-10 of a control unit of 42 m/s^2 and more
         at_rest, still = getattr(moving.trim, name), getattr(jr700.trim, name)
         assert at_rest == pytest.approx(still, abs=1e-9), name
-
-
-def test_derivatives_are_the_quasi_steady_ones(jr700, moving):
-    """Tables 1 to 4 hold for both: with inflow that has followed nothing is left of it.
-
-    But for what drift tilts the disc by: a wake that drift skews at once is in Pitt and Peters'.
-    """
     for name, value in jr700.derivatives.items():
         if not name.endswith(("_u", "_v")):
             # central differences of steps of 1e-5, here of one state more on the way: 2e-7 of N_v
@@ -174,14 +170,9 @@ def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
     stock = load("jr700").parameters
     reduction, speed = stock["flapping.lock_reduction"], stock["main_rotor.speed"]
     lock, nu, step = 6.0, 1.03, 0.02
-    flapping = flapping_from_blade(
-        lock_number=lock / reduction,
-        speed=speed,
-        direction=hand,
-        lon_range=1.0,
-        lat_range=1.0,
-        flap_frequency=nu,
-    ).to_parameters()
+    turning = {"lock_number": lock / reduction, "speed": speed, "direction": hand}
+    unit = {"lon_range": 1.0, "lat_range": 1.0}
+    flapping = flapping_from_blade(**turning, **unit, flap_frequency=nu).to_parameters()
     changes = {**flapping, "main_rotor.direction": hand, "main_rotor.inflow": "pitt-peters"}
     vehicle = load("jr700", parameters=changes).trimmed(speed=airspeed)
     _, tip, loading, mean = rotor_numbers(vehicle)

@@ -141,14 +141,10 @@ def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
     assert np.abs(one - other).max() < 2e-5
 
 
-def test_a_motor_that_is_too_weak_is_told():
-    """One line with the torque that is needed and the torque that there is."""
+def test_a_motor_needs_its_numbers_and_its_power(tmp_path, capsys):
+    """One line with the torque that is needed, or with the first number that lacks."""
     with pytest.raises(TrimError, match=r"hover takes a torque of 5\..* N m .* full throttle"):
         load(parameters={**MOTOR, "drive.voltage": 30.0})
-
-
-def test_a_motor_needs_its_numbers(tmp_path, capsys):
-    """One line with the first that lacks; an ideal governor needs none of them."""
     own = copied(tmp_path / "own")
     text = (own / "parameters.toml").read_text()
     start = text.index("# What turns the rotor")

@@ -1,4 +1,4 @@
-"""Swashplates: where three servos stand, and what each does for collective and cyclic."""
+"""Swashplates, and from a blade to eq. (8) and back: against the flapping of one blade."""
 
 import math
 
@@ -7,25 +7,21 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from helisim.base.errors import ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.records.record import IN1, SERVOS
 from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.vehicle import load
 from helisim.vehicle.parameters import Parameters, completed
-from helisim.vehicle.swashplate import Swashplate
+from helisim.vehicle.swashplate import Flapping, Swashplate, TipPathPlane, flapping_from_blade
+from one_blade import OneBlade
 from plates import H3_120
 
 DEFAULT = completed(Parameters({}))
 ROOT_2, ROOT_3 = math.sqrt(2.0), math.sqrt(3.0)
 
 FRONT_REAR_120 = {"front_angle": 180.0, "left_angle": 60.0, "right_angle": -60.0}
-H3_140 = {
-    "front_angle": 180.0,
-    "left_angle": 45.0,
-    "right_angle": -45.0,
-    "left_arm": ROOT_2,
-    "right_arm": ROOT_2,
-}
+ANGLES_140 = {"front_angle": 180.0, "left_angle": 45.0, "right_angle": -45.0}
+H3_140 = {**ANGLES_140, "left_arm": ROOT_2, "right_arm": ROOT_2}
 H3_90 = {"front_angle": 180.0, "left_angle": 90.0, "right_angle": -90.0}
 
 
@@ -74,11 +70,12 @@ def test_any_three_servos_stand_on_the_plane_of_the_swashplate(angles, arms, sig
     x, y = arms * np.cos(turns), arms * np.sin(turns)
     area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     assume(area > 0.05)
-    found = plate(
-        **{f"{name}_angle": value for name, value in zip(("front", "left", "right"), angles)},
-        **{f"{name}_arm": value for name, value in zip(("front", "left", "right"), arms)},
-        **{f"{name}_sign": value for name, value in zip(("front", "left", "right"), signs)},
-    )
+    given = {
+        f"{name}_{what}": value
+        for what, values in (("angle", angles), ("arm", arms), ("sign", signs))
+        for name, value in zip(("front", "left", "right"), values)
+    }
+    found = plate(**given)
     col, lon, lat = at
     servos = found.mix(col, lon, lat)
     # rounding; cosines within 1e-12 of a plain value take it
@@ -93,11 +90,7 @@ def test_the_flight_does_not_depend_on_where_the_servos_stand():
         excitation=Sweep(axis="lat", duration=8.0, trim_time=1.0),
         recorder=Recorder(latency={}, noise={}, resolution={}),
     )
-    angles = {
-        f"swashplate.{name}": math.radians(value)
-        for name, value in H3_140.items()
-        if name.endswith("angle")
-    }
+    angles = {f"swashplate.{name}": math.radians(value) for name, value in ANGLES_140.items()}
     arms = {"swashplate.left_arm": ROOT_2, "swashplate.right_arm": ROOT_2}
     other = load("jr700", parameters={**angles, **arms, "swashplate.front_sign": -1.0})
     one, two = (fly(vehicle, plan, jobs=1)[0] for vehicle in (load("jr700"), other))
@@ -124,3 +117,86 @@ def test_a_swashplate_that_is_none_is_refused(changes, message):
     """One sentence with what was given and what to change."""
     with pytest.raises(ModelError, match=message):
         load("jr700", parameters=changes)
+
+
+TABLE_3 = Flapping(
+    tau_f=0.04456, a_b=-0.3514, b_a=0.5340, a_lat=0.06571, a_lon=0.3697, b_lat=0.3778, b_lon=-0.0607
+)
+"""Wu and Chen, Table 3, IN1."""
+
+
+def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
+    """Return the tilts at which eq. (8) rests."""
+    asked = [
+        found.a_lat * lat + found.a_lon * lon - found.tau_f * q,
+        found.b_lat * lat + found.b_lon * lon - found.tau_f * p,
+    ]
+    return np.linalg.solve([[1.0, -found.a_b], [-found.b_a, 1.0]], asked)
+
+
+@pytest.mark.parametrize(
+    ("direction", "lock", "frequency", "flown"),
+    [
+        pytest.param(1.0, 2.0, 1.07, {"p": 0.5}, marks=pytest.mark.slow),
+        (-1.0, 5.0, 1.0, {"q": 0.5}),
+        pytest.param(1.0, 8.0, 1.03, {"lat": 0.1}, marks=pytest.mark.slow),
+        (-1.0, 10.0, 1.12, {"lon": 0.1}),
+        pytest.param(1.0, 2.0, 1.0, {"lon": 0.1}, marks=pytest.mark.slow),
+    ],
+)
+def test_a_steady_disc_is_that_of_one_blade(direction, lock, frequency, flown):
+    """A blade integrated in the rotating frame, in a steady turn and with cyclic."""
+    turning = {"lock_number": lock, "speed": 100.0, "direction": direction}
+    ranges = {"lon_range": 0.3, "lat_range": 0.25}
+    found = flapping_from_blade(**turning, flap_frequency=frequency, **ranges)
+    rates = flown.get("p", 0.0), flown.get("q", 0.0)
+    cyclic = 0.3 * flown.get("lon", 0.0), 0.25 * flown.get("lat", 0.0)
+    moved = {"direction": direction, "rates": rates, "cyclic": cyclic}
+    blade = OneBlade(lock=lock, spring=frequency**2 - 1.0, **moved)
+    _, a, b = blade.steady()
+    size = np.hypot(a, b)
+    # nothing is neglected in a steady state: 60 strips miss the moment by 1 / (2 x 60^2), and 1e-6
+    # of the beginning is left
+    assert steady(found, **flown) == pytest.approx([a, b], abs=3e-4 * size)
+
+
+sizes = st.floats(0.01, 0.5)
+
+
+@given(
+    tau=st.floats(0.005, 0.3),
+    couplings=st.tuples(sizes, sizes),
+    cyclic=st.tuples(*[st.floats(-0.5, 0.5)] * 4),
+    speed=st.floats(20.0, 300.0),
+    direction=st.sampled_from([1.0, -1.0]),
+)
+def test_there_and_back(tau, couplings, cyclic, speed, direction):
+    """Eq. (8) has one disc behind it, which has that eq. (8)."""
+    coupled = {"a_b": -direction * couplings[0], "b_a": direction * couplings[1]}
+    given = Flapping(
+        tau_f=tau, **coupled, **dict(zip(("a_lat", "a_lon", "b_lat", "b_lon"), cyclic))
+    )
+    disc = TipPathPlane.behind(given, speed=speed, direction=direction)
+    again = disc.flapping(speed=speed, direction=direction)
+    # rounding, where a short time constant makes the air strong: share up to 10
+    assert again.to_parameters() == pytest.approx(given.to_parameters(), rel=1e-11, abs=1e-11)
+    assert np.trace(disc.springs) == pytest.approx(0.0, abs=1e-11)
+
+
+def test_the_papers_disc():
+    """Lock number of Table 3, and a swashplate turned by 16 degrees, the same for both axes."""
+    disc = TipPathPlane.behind(TABLE_3, speed=178.0235837, direction=1.0)
+    assert 16.0 * disc.share == pytest.approx(1.91, abs=0.005)
+    a_lat, a_lon, b_lat, b_lon = disc.cyclic.ravel()
+    assert np.degrees(np.arctan2(a_lat, b_lat)) == pytest.approx(16.7, abs=0.05)
+    assert np.degrees(np.arctan2(-b_lon, a_lon)) == pytest.approx(16.1, abs=0.05)
+
+
+def test_what_no_rotor_has_is_refused():
+    other = Flapping(tau_f=0.01, a_b=2.0, b_a=-2.0, a_lat=0.0, a_lon=0.3, b_lat=0.3, b_lon=0.0)
+    with pytest.raises(ModelError, match="turns the other way"):
+        TipPathPlane.behind(other, speed=100.0, direction=1.0)
+    usual = {"speed": 27.0, "direction": -1.0, "lon_range": 0.3, "lat_range": 0.3}
+    for wrong in ({"lock_number": 0.0}, {"lock_number": 8.0, "flap_frequency": 0.9}):
+        with pytest.raises(InputError, match="a positive lock_number and speed"):
+            flapping_from_blade(**usual, **wrong)

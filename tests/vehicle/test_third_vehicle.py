@@ -4,14 +4,19 @@ Another disc with three blades that turn counter-clockwise, an H3-140 swashplate
 servo behind and reversed, other servos with more travel: `heron`.
 """
 
+import re
+import tomllib
+
 import numpy as np
 import pytest
 
 import helisim as hs
 import heron
 from command import fails
+from helisim.base.errors import ModelError
 from helisim.cli import main
 from helisim.study.experiment import recover
+from helisim.vehicle.swashplate import TipPathPlane
 
 
 def made(folder, **contents):
@@ -108,3 +113,107 @@ def test_the_same_at_any_size(tmp_path, size):
         assert other.derivatives[name] == pytest.approx(scaled, rel=1e-5), name
     assert other.power == pytest.approx(one.power * size**3.5, rel=1e-6)
     within_bounds(recover(there, flights=1, seed=1), 1.0)
+
+
+INERTIA = "main_rotor.blade_inertia"
+
+
+def lock_number(parameters):
+    """Return rho a c R^4 / I of a blade."""
+    size = parameters["main_rotor.chord"] * parameters["main_rotor.radius"] ** 4
+    air = parameters["air.density"] * parameters["main_rotor.lift_slope"]
+    return air * size / parameters[INERTIA]
+
+
+def test_the_papers_time_constant_is_a_blade(jr700):
+    """Lock number 3.18 before inflow that follows, 1.91 after it: of eq. (8)'s three numbers."""
+    own = jr700.parameters
+    felt = 16.0 * TipPathPlane.of(own).share
+    assert lock_number(own) == pytest.approx(felt * own["flapping.lock_reduction"], rel=1e-12)
+    # 1 + a sigma / (16 lambda), lambda of a hover of 8.01 kg
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+    disc = np.pi * own["main_rotor.radius"] ** 2
+    inflow = np.sqrt(8.01 * 9.8015 / (2.0 * own["air.density"] * disc)) / tip
+    solidity = 2.0 * own["main_rotor.chord"] / (np.pi * own["main_rotor.radius"])
+    reduction = 1.0 + own["main_rotor.lift_slope"] * solidity / (16.0 * inflow)
+    assert own["flapping.lock_reduction"] == pytest.approx(reduction, rel=1e-3)  # tilt of the hover
+    assert own[INERTIA] == pytest.approx(0.0521, abs=5e-5)
+
+
+def test_a_heavier_blade_follows_more_slowly(jr700):
+    """Twice the inertia: half the Lock number; springs as stiff beside the air as before."""
+    heavy = hs.load("jr700", parameters={INERTIA: 2.0 * jr700.parameters[INERTIA]})
+    before, after = TipPathPlane.of(jr700.parameters), TipPathPlane.of(heavy.parameters)
+    assert after.share == pytest.approx(0.5 * before.share, rel=1e-12)
+    # of springs that are not the same all around eq. (8) holds the mean
+    stiffness = [disc.springs[1, 0] - disc.springs[0, 1] for disc in (before, after)]
+    assert stiffness[1] == pytest.approx(stiffness[0], rel=1e-11)
+    assert after.cyclic == pytest.approx(before.cyclic, rel=1e-12)
+    assert heavy.derivatives["tau_f"] == pytest.approx(heavy.parameters["flapping.tau_f"], rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["air.density", "main_rotor.speed", "main_rotor.chord"])
+def test_what_the_air_does_changes_and_the_blade_stays(jr700, name):
+    """Of another density, speed or chord [flapping] is another, blade and swashplate the same."""
+    other = hs.load("jr700", parameters={name: 0.95 * jr700.parameters[name]})
+    own, before = other.parameters, jr700.parameters
+    assert own[INERTIA] == pytest.approx(before[INERTIA], rel=1e-12)
+    assert own["flapping.tau_f"] > before["flapping.tau_f"]
+    assert TipPathPlane.of(own).cyclic == pytest.approx(TipPathPlane.of(before).cyclic, rel=1e-12)
+    assert lock_number(own) / lock_number(before) == pytest.approx(
+        TipPathPlane.of(own).share / TipPathPlane.of(before).share, rel=1e-12
+    )
+
+
+def test_all_parameters_of_a_vehicle_load_it_again(jr700):
+    """As provenance keeps them: also where density and flapping are not the folder's."""
+    thin = hs.load("jr700", parameters={"air.density": 1.0})
+    again = hs.load("jr700", parameters=dict(thin.parameters))
+    assert np.array_equal(again.model.actuator_user, thin.model.actuator_user)
+
+
+def test_both_that_contradict_are_one_line(jr700):
+    """The inertia, the time constant, what it would be, and what to do."""
+    said = r"^main_rotor.blade_inertia = 0.02 kg m\^2 and flapping.tau_f = 0.04456 s contradict: "
+    said += r"with this time constant it is 0.05\d+ kg m\^2; give one of both$"
+    with pytest.raises(ModelError, match=said):
+        hs.load("jr700", parameters={INERTIA: 0.02, "flapping.tau_f": 0.04456})
+
+
+def heavy_heron(folder, inertia=0.0115):
+    """Make a vehicle whose author gives the blades' inertia and no time constant."""
+    there = heron.build(folder)
+    file = there / "parameters.toml"
+    text = re.sub(r"(?m)^tau_f = .*\n", "", file.read_text())
+    line = f'blade_inertia = {{ value = {inertia}, unit = "kg m^2", source = "swung" }}\n'
+    file.write_text(text.replace("[main_rotor]\n", "[main_rotor]\n" + line))
+    return there
+
+
+@pytest.mark.slow
+def test_a_folder_may_give_the_inertia(tmp_path, capsys):
+    """Calibrated without a tau_f, the vehicle flies with that of its blades."""
+    there = heavy_heron(tmp_path / "swung")
+    assert main(["calibrate", str(there), "--write", "--quiet"]) == 0
+    assert main(["tune", str(there), "--write", "--quiet"]) == 0
+    solved = tomllib.loads((there / "calibrated.toml").read_text())
+    assert "tau_f" not in solved["flapping"]
+    vehicle = hs.load(there)
+    own = vehicle.parameters
+    assert own[INERTIA] == pytest.approx(0.0115, rel=1e-14)  # rounding
+    assert own["flapping.tau_f"] == pytest.approx(vehicle.derivatives["tau_f"], rel=1e-8)
+    assert 16.0 * TipPathPlane.of(own).share == pytest.approx(
+        lock_number(own) / own["flapping.lock_reduction"], rel=1e-12
+    )
+    assert main(["vehicle", "check", str(there)]) == 0
+    new = hs.new_vehicle("egret", like=there, to=tmp_path)
+    assert hs.load(new).parameters[INERTIA] == own[INERTIA]
+
+
+def test_a_target_beside_the_inertia_is_refused(tmp_path, capsys):
+    there = heavy_heron(tmp_path / "both")
+    file = there / "parameters.toml"
+    line = 'tau_f = { value = 0.04, unit = "s", source = "flown" }\n'
+    file.write_text(file.read_text().replace("[targets]\n", "[targets]\n" + line))
+    said = fails(capsys, "calibrate", there, "--quiet")
+    assert "main_rotor.blade_inertia and the target tau_f both say how fast" in said
