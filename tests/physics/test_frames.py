@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import motion as frames
+from helisim.physics.layout import PARAM
 from helisim.vehicle.trim import Motion, motion_rates, write_motion
 
 ROUNDING = 1e-13
@@ -87,3 +88,12 @@ def test_motion_rates_are_mujocos_motion(free, phi, theta, psi, rates, velocity)
     found = (np.array(ends[0]) - ends[1]) / (2.0 * h)
     # truncation h^2 x third derivative (below 1e3), rounding 1e-15 / h
     assert found == pytest.approx(predicted, abs=1e-6)
+
+
+def test_a_leaning_shaft_turns_velocities_and_forces(par):
+    """Its axes are the body's, nose down by the lean, as scipy turns them."""
+    par[[PARAM.shaft_cosine, PARAM.shaft_sine]] = np.cos(0.1), np.sin(0.1)
+    moving = frames.to_shaft(par, frames.Velocities(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    turn = Rotation.from_euler("y", -0.1).inv()
+    assert moving == pytest.approx(turn.apply([[1, 2, 3], [4, 5, 6]]).ravel(), rel=1e-14)
+    assert frames.from_shaft(par, frames.Wrench(*moving)) == pytest.approx(range(1, 7), rel=1e-14)

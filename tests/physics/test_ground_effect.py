@@ -75,21 +75,33 @@ def near_ground():
     return load(parameters={"air.ground_effect": 1.0})
 
 
-def thrust_at(vehicle, height):
+def rotor_at(vehicle, height):
+    """Return thrust, torque and inflow of the hover's controls, level, at a height of the hub."""
     data = vehicle.hovering()
-    data.qpos[2] = height
+    data.qpos[2:7] = [height - 0.28, 1.0, 0.0, 0.0, 0.0]
     with installed():
         mujoco.mj_forward(vehicle.model, data)
-    return float(data.sensor("rotor").data[0])
+    return data.sensor("rotor").data[:3]
+
+
+@pytest.mark.parametrize("radii", [0.05, 0.3, 0.5, 0.8, 1.5, 6.0])
+def test_the_ground_is_where_the_image_is(near_ground, radii):
+    """In hover 2 lambda^2 = k^3 CT, k = 1 - (R / 4z)^2 down to half a radius; bounded below it."""
+    thrust, _, inflow = rotor_at(near_ground, radii * 0.767)
+    force = 1.225 * math.pi * 0.767**2 * (1700.0 * math.pi / 30.0 * 0.767) ** 2  # Table 1
+    taken = 1.0 - (2.0 * inflow**2 * force / thrust) ** (1.0 / 3.0)
+    if radii < 0.5:
+        assert 0.25 < taken <= 0.4 + 1e-12
+    else:
+        assert taken == pytest.approx((0.25 / radii) ** 2, rel=1e-10)  # rounding
 
 
 def test_thrust_is_smooth_and_finite_at_all_heights(near_ground):
     """From under the ground to far above it: no jump, never falling with nearness above it."""
-    hub = 0.28
     heights = np.linspace(-2.0, 8.0, 1001)
-    thrust = np.array([thrust_at(near_ground, height) for height in heights])
+    thrust = np.array([rotor_at(near_ground, height)[0] for height in heights])
     assert np.isfinite(thrust).all()
-    above = heights > -hub
+    above = heights > 0.0
     assert (np.diff(thrust[above]) < 1e-12).all()
     # steepest near z = R/2: d(CT)/dz < 5 T_inf / R, and 10 mm from one to the next
     assert np.abs(np.diff(thrust)).max() < 5.0 * thrust.min() / 0.767 * 0.01

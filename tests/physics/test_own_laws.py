@@ -79,6 +79,25 @@ def test_copies_of_the_gyros_halves_fly_as_it_does(jr700, own):
     assert np.ptp(expected, axis=0).min() > 1e-4
 
 
+@pytest.mark.parametrize("place", ["swash", "tail"])
+@pytest.mark.parametrize("plans", [True, False])
+def test_servos_that_no_law_moves_are_the_plans_or_the_callers(jr700, place, plans):
+    model, where = jr700.model.__copy__(), addresses(jr700.model)
+    controller = Controller(**{place: None})
+    hs.set_controller(model, controller)
+    planned = [0.1, 0.2, 0.3, 0.4]
+    if plans:
+        controller.plan_for(model.actuator_user[where.rotor], planned)
+    data = jr700.hovering()
+    servos = data.ctrl[where.control + 4 : where.control + 8]
+    servos[:] = -0.5
+    with hs.installed():
+        mujoco.mj_forward(model, data)
+    held = np.arange(4) == 3 if place == "tail" else np.arange(4) < 3
+    assert np.array_equal(servos[held], np.array(planned if plans else [-0.5] * 4)[held])
+    assert np.all(np.abs(servos[~held]) < 0.1)  # the gyro's, in the hover
+
+
 def test_a_manoeuvres_disturbance_is_seen(altered):
     """Rates and attitude with what it adds, the heading within half a turn; nothing else moves."""
     model, rows = altered(excitation=HISTORY), []

@@ -24,7 +24,6 @@ from helisim.sim import (
     Together,
     fly,
     read_plan,
-    simulate,
     write_plan,
 )
 from helisim.sim.excitation import injection
@@ -32,36 +31,6 @@ from helisim.vehicle import load
 
 STEADY = {"pilot": Pilot(remnant=0.0), "envelope": FlightEnvelope.off()}
 TRUE = Recorder(noise={}, resolution={}, latency={})
-
-
-def trajectory(vehicle, excitation):
-    plan = FlightPlan(excitation=excitation, **STEADY)
-    return next(simulate(vehicle, plan, jobs=1, keep_ended=True))
-
-
-def still(duration=1.0):
-    return History.of([0.0, duration], [0.0, 0.0], axis="lat")
-
-
-@pytest.mark.parametrize(
-    ("axis", "column", "expected"),
-    [
-        ("col", 0, (1.0, 1.0, 1.0, 0.0)),
-        ("lon", 1, (1.0, -0.5, -0.5, 0.0)),
-        ("lat", 2, (0.0, 0.75**0.5, -(0.75**0.5), 0.0)),
-        ("ped", 3, (0.0, 0.0, 0.0, 1.0)),
-    ],
-)
-def test_a_servo_step_is_mixed_as_a_swashplate_is(jr700, axis, column, expected):
-    """On top of the gyro's command, by the 120-degree mixing."""
-    step = Step(axis=axis, at="servos", amplitude=0.02, trim_time=0.1, duration=1.0)
-    moved, held = trajectory(jr700, step), trajectory(jr700, still())
-    row = 50  # the step's first tick: the gyro hasn't answered yet
-    added = moved.servo_commands[row] - held.servo_commands[row]
-    # to rounding: 120 degrees are exact to the last bits
-    assert added == pytest.approx(0.02 * np.array(expected), abs=1e-15)
-    assert np.array_equal(moved.servo_commands[:row], held.servo_commands[:row])
-    assert list(moved.added) == ["servos"]
 
 
 @pytest.mark.parametrize("at", ["servos", "actuators", "sensors"])

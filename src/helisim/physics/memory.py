@@ -457,9 +457,8 @@ def examine_new(m, d, offsets, switched_off):
         return
     number = m ^ (long(m, offsets.actuator_user) >> 4) ^ (long(m, offsets.sensor_adr) << 9)
     number ^= long(m, offsets.nuser_actuator) << 40
-    number = (number ^ (number >> 12)) & 0x7FFFFFFFFFFFFFFF | 1  # another model hardly has it
-    spread = (((number >> 1 ^ (number >> 32)) & 0x7FFFFFFF) * _GOLDEN >> 24) & 0xFF
-    place = longs_at(_met_address() + 8 * spread)
+    number = number & 0x7FFFFFFFFFFFFFFF | 1  # another model hardly has it
+    place = longs_at(_met_address() + 8 * ((number * _GOLDEN >> 24) & 0xFF))
     if place[0] == number:
         return
     time = double(d, offsets.time)
