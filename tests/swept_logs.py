@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import plants
+from closed_loop import coloured, sweep
 
 from helisim.ident import structures
 from helisim.records.record import FlightRecord, channel
@@ -18,9 +19,9 @@ def flown(structure, values, axis, seed, *, duration=60.0, noise=0.0, jitter=Fal
     inputs = np.zeros((round(duration * plants.RATE), len(structure.inputs)))
     for k, name in enumerate(structure.inputs):
         inputs[:, k] = (
-            plants.sweep(duration, (1.0, 40.0), 0.1, plants.RATE)
+            sweep(duration, (1.0, 40.0), 0.1, plants.RATE)
             if name == axis
-            else plants.coloured(random, inputs.shape[0], 0.003, 20.0, plants.RATE)
+            else coloured(random, inputs.shape[0], 0.003, 20.0, plants.RATE)
         )
     outputs = plants.respond(structure, values, inputs)
     if jitter:  # steps from 0.5 to 20.5 ms, on the simulation's grid

@@ -42,6 +42,10 @@ def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
     numbers, remarks = numbers_of(BLADE, full=AS_IT_IS, late={})
     assert numbers == pytest.approx(theirs, rel=5e-4)  # 9.81 for 9.80665
     assert not remarks
+    halved, _ = numbers_of(BLADE, full={}, late={})
+    by_full = {"Nped": 0.5, "Lflt": 0.5, "Lflg": 0.5, "Mflt": 0.5, "Mflg": 0.5}
+    ratios = {name: halved[name] / numbers[name] for name in numbers}
+    assert ratios == pytest.approx({**dict.fromkeys(numbers, 1.0), **by_full})
 
 
 def simulated(values: dict[str, float], commands: np.ndarray, step: float) -> np.ndarray:

@@ -19,6 +19,8 @@ from helisim.ident import (
     structures,
     verify,
 )
+from helisim.ident.frf import _coherent, _disagreements
+from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.records.record import channel
 from ident_data import GRID, HEAVE, fitted, record
 
@@ -166,6 +168,7 @@ def test_coherence_of_half_signal_and_half_noise_is_a_half():
     """Of one input the multiple coherence is the ordinary one, near 1/2 in the composite too."""
     found = frequency_response(noisy(1), inputs="lat", outputs="p", band=(2.0, 40.0))
     assert np.mean(found.multiple_coherence) == pytest.approx(0.5, abs=0.1)
+    assert found.frequency == pytest.approx(np.geomspace(2.0, 40.0, 106))  # 80 a decade
     # 60 s and windows of 20 s and less: the estimate scatters by 0.1 to 0.2 at a frequency
     assert np.mean(found.coherence) == pytest.approx(0.5, abs=0.1)
 
@@ -237,6 +240,51 @@ def test_agreeing_estimates_raise_no_warning(gain, disturbance, seed, how):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert frequency_response(loop(seed, gain, disturbance), **LOOP, **how).flags == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "spread", "limit"),
+    [(0.0, 0.0, 0.005), (0.1, 0.0, 0.1 * np.sqrt(2.0)), (0.0, 0.02, 0.02 * np.sqrt(24.0))],
+)
+def test_estimates_disagree_where_their_gap_is_beyond_chance(line, spread, limit):
+    """Half a percent, both variances, twelve times the gap's own; lines in common have none."""
+    omega = np.geomspace(1.0, 10.0, 41)
+    weight = LineWeights(np.array([0]), np.array([1]), np.full((1, 1, 1, 1), line, np.complex64))
+    ones = np.ones((1, 1, 41))
+    known = LocalScatter(omega, (weight,) * 41, ones[None], ones.T + 0j, 0 * ones, spread * ones)
+    exact = FrequencyResponse.exact(omega, 2.0 * ones, inputs=["lat"], outputs=["p"])
+    known = replace(known, noise=4.0 * known.noise, spread=2.0 * known.spread)
+    joint = replace(exact, scatter=known)
+    for places, factor, coherence, told in (
+        ([0, 8], 1.01, 0.2, True),
+        ([0, 8], 0.99, 1.0, False),
+        ([0, 8], 1.01, 0.19, False),
+        ([8], 1.01, 1.0, False),  # one of six is chance
+    ):
+        gap = np.ones(41)
+        gap[places] += factor * limit
+        gap[places[-1]] += 1e-4 * told
+        direct = replace(joint, response=gap * joint.response)
+        found = list(_disagreements(replace(joint, coherence=coherence * ones), direct))
+        assert len(found) == told
+        percent = f"{100.0 * (factor * limit + 1e-4):.0f} % at {omega[8]:.3g} rad/s"
+        assert all(
+            f"p/lat disagree beyond their errors at 2 of 6 frequencies, by {percent}" in one
+            for one in found
+        )
+
+
+def test_inputs_are_coherent_beyond_a_half_and_one_beyond_098():
+    """Of the mean over frequencies; the largest is told with its frequency."""
+    omega = np.array([1.0, 2.0, 3.0])
+    for mean, told in ((0.5, False), (0.51, True), (0.98, True)):
+        cross = np.ones((2, 2, 3))
+        cross[0, 1] = cross[1, 0] = mean + np.array([-0.01, 0.02, -0.01])
+        found = list(_coherent(cross, ["lat", "lon"], omega))
+        assert len(found) == told
+        assert all(f"of {mean:.2f} (largest at 2 rad/s), expected at most 0.5" in x for x in found)
+    with pytest.raises(IdentificationError, match=r"'lat' and 'lon' have .* 0\.99"):
+        list(_coherent(0.0 * cross + 0.99, ["lat", "lon"], omega))
 
 
 # Records with spikes, frozen runs, or inputs at their stops

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import cont2discrete, dlsim
+from scipy.signal import cont2discrete, dlsim, periodogram
 
+from exact_fits import found as exactly
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
-from helisim.ident import structures, verify
+from helisim.ident import Parameter, Structure, structures, verify
 from helisim.ident.evaluate import delayed, linear, simulate
 from helisim.ident.verification import overall_theil
+from helisim.ident.verify import _noise
 from helisim.records.record import FlightRecord
 from ident_data import fitted, record
 
@@ -125,3 +127,70 @@ def test_an_output_that_stands_still_is_predicted_in_segments_too():
     found = verify(yaw_fit(0.0), still, segment=5.0)
     assert found.j_rms > 0.0
     assert found.tic == pytest.approx(1.0)
+
+
+BANK = Structure(
+    name="bank",
+    parameters=tuple(Parameter(name, "1", 1.0) for name in ("L_p", "L_lat")),
+    states=("p", "phi"),
+    inputs=("lat",),
+    outputs=("p", "phi"),
+    F=(("L_p", "0"), ("1", "0")),
+    G=(("L_lat",), ("0",)),
+)
+
+
+def banked(samples, growth=-2.0, trim=0.0, noise=0.0, step=0.02):
+    """Fly rate and bank by the model itself, with a trim of the control."""
+    random = np.random.default_rng(3)
+    fit = exactly(BANK, L_p=growth, L_lat=5.0)
+    lat = 0.1 * np.cumsum(random.standard_normal((samples, 1)), axis=0) * step**0.5
+    moved = simulate(linear(BANK, fit.values), lat, step)
+    moved = moved + [0.0, noise] * random.standard_normal((samples, 2))
+    return fit, record(step, lat=lat[:, 0] + trim, p=moved[:, 0], phi=moved[:, 1])
+
+
+@pytest.mark.parametrize("segment", [None, 2.0])
+def test_an_integrator_drifts_by_the_controls_trim(segment):
+    """Which is estimated, whole and in segments: nothing is left of an exact flight."""
+    found = verify(*banked(500, trim=0.3), segment=segment)
+    assert found.j_rms < 1e-9
+    # two biases and states, or two states for each of five segments, two biases and a trim
+    assert found.approach.estimated == (4 if segment is None else 13)
+
+
+def test_an_output_that_is_noise_does_not_count():
+    """Bank under a disturbance ten times its motion; the rate alone makes the coefficient."""
+    found = verify(*banked(2000, noise=20.0))
+    assert found.quiet == ("phi",)
+    assert found.tic == pytest.approx(found.tic_by_output["p"])
+    assert verify(*banked(2000, noise=0.01)).quiet == ()
+
+
+def test_noise_is_told_by_the_fastest_fifth_of_the_spectrum():
+    """Scipy's periodogram under Hann's window, whose density of white noise is 2 sigma^2."""
+    values = np.random.default_rng(1).normal(size=(601, 2)).cumsum(axis=0)
+    density = periodogram(values, window=np.hanning(601), axis=0)[1]
+    expected = np.sqrt(0.5 * density[-60:].mean(axis=0))  # of 301 lines
+    assert _noise(values) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("growth", "samples", "kind", "unstable"),
+    [
+        (0.8, 130, "whole", True),  # three doublings are 2.6 s
+        (0.8, 132, "segments", True),
+        (0.002, 170, "whole", False),  # a hundredth of a doubling is 3.47 s
+        (0.002, 176, "whole", True),
+    ],
+)
+def test_a_model_is_unstable_from_a_hundredth_of_a_doubling_and_cut_from_three(
+    growth, samples, kind, unstable
+):
+    """Over the record's length; below that a pole is an integrator's."""
+    approach = verify(*banked(samples, growth)).approach
+    assert approach.kind == kind
+    assert approach.pole == ((pytest.approx(growth), 0.0) if unstable else None)
+    assert approach.samples == 2 * samples
+    grown = np.exp(growth * approach.length_s)
+    assert approach.growth == pytest.approx(grown if unstable else 1.0)

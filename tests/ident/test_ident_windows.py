@@ -1,22 +1,18 @@
 """CIFER's windows: transforms, averages, the composite of lengths, and the errors of all."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from scipy.signal import chirp, lfilter
+from scipy.signal import lfilter
 
 from helisim.base.errors import IdentificationError
-from helisim.ident import frequency_response, identify, structures
+from helisim.ident import identify, structures
 from helisim.ident.windows import (
-    OVERLAP,
     PERIODS,
     compose,
     condition,
     cross_spectra,
     random_error,
-    segment_starts,
     window_lengths,
 )
 from ident_data import YAW, of_model, record
@@ -28,17 +24,6 @@ def white(seed, samples=4000, noise=0.0):
     random = np.random.default_rng(seed)
     x = random.standard_normal(samples)
     return record(lat=x, p=lfilter([0.3], [1.0, -0.7], x) + noise * random.standard_normal(samples))
-
-
-@pytest.mark.parametrize(("samples", "length"), [(1000, 300), (1001, 500), (97, 31)])
-def test_windows_reach_over_both_ends_evenly(samples, length):
-    """No sample near an end of a record is fainter than those in the middle by half."""
-    weight, starts = np.zeros(samples + 2 * length), segment_starts(samples, length)
-    for start in starts + length:
-        weight[start : start + length] += np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
-    weight = weight[length:-length]
-    assert weight.min() > 0.5 * np.median(weight)
-    assert np.diff(starts).max() <= np.ceil(length * (1.0 - OVERLAP))
 
 
 def test_overlap_factor_is_the_published_one():
@@ -105,53 +90,6 @@ def test_composite_spectra_minimise_the_published_cost():
         assert composed.response[0, 0, k] == pytest.approx((x[2] + 1j * x[3]) / x[0], rel=1e-4)
         g2 = (x[2] ** 2 + x[3] ** 2) / (x[0] * x[1])
         assert composed.coherence[0, 0, k] == pytest.approx(g2, rel=1e-4)
-
-
-# The errors of a response and how they hang together, against many flights
-
-
-def swept(seed, samples=2400):
-    """Return a sweep seen through 0.3/(1 - 0.7/z) and a gain, with correlated coloured noise."""
-    random = np.random.default_rng(seed)
-    time = np.arange(samples) * STEP
-    lat = chirp(time, 0.1, time[-1], 3.0, method="logarithmic")
-    shared, own = random.standard_normal((2, samples))
-    slow = lfilter([0.3], [1.0, -0.8], shared)
-    p = lfilter([0.3], [1.0, -0.7], lat) + 0.3 * slow
-    return record(lat=lat, p=p, q=0.5 * lat + 0.3 * slow + 0.1 * own)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("estimator", ["windows", "local"])
-def test_stated_covariance_is_that_of_many_flights(estimator):
-    """Variances and correlations of a sweep's response are as stated.
-
-    The outputs share a disturbance, and neighbouring frequencies share lines. Of the random part,
-    that is: what scatters between flights; a bias does not.
-    """
-    found, stated = [], []
-    asked = {"inputs": "lat", "outputs": ("p", "q"), "band": (2.0, 12.0), "estimator": estimator}
-    for seed in range(150):
-        frf = frequency_response(swept(seed), **asked)
-        index = np.arange(0, frf.frequency.size, 4)
-        found.append(frf.response[:, 0, index].ravel())
-        if seed < 20:
-            outputs = np.repeat([0, 1], index.size)
-            at = (outputs, np.zeros_like(outputs), np.tile(index, 2))
-            none = np.zeros(frf.response.shape)
-            more = {"spread": none} if estimator == "local" else {}
-            random = replace(frf.scatter, bias=none, **more)
-            stated.append(random.covariance(*at))
-    expected, measured = np.mean(stated, axis=0), np.cov(np.array(found).T)
-    size = np.sqrt(np.diagonal(measured).real)
-    ratio = np.sqrt(np.diagonal(expected).real) / size
-    # 150 replicates at some 8 independent frequencies of two related outputs: 3 %.
-    assert np.mean(ratio) == pytest.approx(1.0, abs=0.1)
-    np.testing.assert_allclose(ratio, 1.0, atol=0.3)
-    gap = np.abs(expected - measured) / np.outer(size, size)
-    # A correlation of 150 replicates is known to 0.08; the largest of 400 to some 0.25.
-    assert np.mean(gap) < 0.12
-    assert np.max(gap) < 0.4
 
 
 def test_weighing_by_error_needs_records():

@@ -11,7 +11,7 @@ import pytest
 from helisim.base.errors import IdentificationError
 from helisim.ident import Fit, Parameter, Structure, identify, structures
 from helisim.ident.evaluate import linear
-from helisim.ident.modes import modes
+from helisim.ident.modes import Mode, modes
 from ident_data import ROLLPITCH, fitted, of_model
 
 GRID = np.geomspace(0.5, 30.0, 40)
@@ -91,6 +91,8 @@ def test_figures_of_a_mode_are_the_textbooks():
     assert not found.stable
     assert "doubles in 3.47 s" in str(found)
     assert "zero y/u" in str(found)
+    even = Mode(-3.0, 4.0, 0.1, 0.1)  # errors alike in all directions: along and across the radius
+    assert (even.frequency_error, even.damping_error) == pytest.approx((0.1, 0.1 * 4.0 / 25.0))
 
 
 def test_a_mode_that_an_axis_lacks_is_none_of_its_zeros():

@@ -4,15 +4,13 @@ The plants are simulated at 2 kHz by exact discretisation (inputs linear between
 recorded at 100 Hz, so what is recorded belongs to a continuous plant with true delays.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from closed_loop import coloured, sweep
 from numpy.typing import NDArray
 
 from helisim.ident import Structure
 from helisim.ident.evaluate import linear, simulate
-from helisim.records.record import FlightRecord, channel
 
 RATE = 2000  # of the simulation, Hz
 KEEP = 20  # one recorded sample in so many simulated ones: 100 Hz
@@ -39,44 +37,3 @@ def respond(
         )
         outputs.append(simulate(model, shifted, 1.0 / RATE)[:, k])
     return np.stack(outputs, axis=1)
-
-
-def record(
-    names: Sequence[str],
-    columns: NDArray[np.float64],
-    random: np.random.Generator,
-    noise: Mapping[str, float],
-) -> FlightRecord:
-    """Return what the recorder keeps of simulated columns, with white noise by channel."""
-    kept = columns[::KEEP].copy()
-    for k, name in enumerate(names):
-        kept[:, k] += noise.get(name, 0.0) * random.standard_normal(kept.shape[0])
-    time = np.arange(kept.shape[0]) * (KEEP / RATE)
-    return FlightRecord(time, kept, tuple(channel(name) for name in names))
-
-
-def fly(
-    structure: Structure,
-    values: Mapping[str, float],
-    *,
-    axis: str,
-    seed: int,
-    duration: float = 90.0,
-    band: tuple[float, float] = (1.0, 40.0),
-    amplitude: float = 0.1,
-    off_axis: float = 0.0,
-    correlated: float = 0.0,
-    noise: Mapping[str, float] | None = None,
-) -> FlightRecord:
-    """Sweep one input of a plant. Off-axis inputs carry remnant and a share of the sweep."""
-    random = np.random.default_rng(seed)
-    main = sweep(duration, band, amplitude, RATE)
-    inputs = np.zeros((main.size, len(structure.inputs)))
-    for k, name in enumerate(structure.inputs):
-        if name == axis:
-            inputs[:, k] = main
-        elif off_axis or correlated:
-            inputs[:, k] = correlated * main + coloured(random, main.size, off_axis, 20.0, RATE)
-    outputs = respond(structure, values, inputs)
-    names = (*structure.inputs, *structure.outputs)
-    return record(names, np.hstack([inputs, outputs]), random, noise or {})

@@ -194,7 +194,7 @@ def test_what_was_done_is_in_text_and_json(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"segment": 0.05}, r"3 samples .* are too few .* expected 4 samples"),
+        ({"segment": 0.05}, r"3 samples \(0.06 s\) .* expected 4 samples \(0.08 s\)"),
         ({"segment": 1e-9}, r"1 samples .* are too few"),
         ({"segment": -1.0}, "segment must be a number above 0 s, got -1"),
         ({"segment": "x"}, "segment must be a number above 0 s, got 'x'"),

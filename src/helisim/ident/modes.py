@@ -271,7 +271,7 @@ def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Roots, float]:
         return np.linalg.eigvals(a - b @ c / d).astype(np.complex128), d
     row, seen, reach = c, [], np.abs(c)
     for _ in a:
-        gain, terms = float((row @ b)[0, 0]), float((reach @ np.abs(b))[0, 0])
+        gain, terms = (row @ b).item(), (reach @ np.abs(b)).item()
         seen.append(row / max(float(np.max(np.abs(row), initial=0.0)), 1e-300))
         if abs(gain) > _NOTHING * terms:
             free = null_space(np.vstack(seen))
