@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.signal import StateSpace, freqresp
 from test_structures import GOOD
 
@@ -21,16 +19,10 @@ from ident_data import response_and_slope, slopes
 from late import LATE
 
 GRID = np.geomspace(0.5, 20.0, 15)
-NAMES = list(structures.BUILT_IN)
 
 
-def near_starts(structure, seed=None):
-    """Return values about the starts, of a seed or at them."""
-    random = np.random.default_rng(seed)
-    return {
-        one.name: (one.start or 0.3 * one.magnitude) * (random.uniform(0.5, 1.5) if seed else 1.0)
-        for one in structure.parameters
-    }
+def near_starts(structure):
+    return {one.name: one.start or 0.3 * one.magnitude for one in structure.parameters}
 
 
 JORDAN = Structure(
@@ -108,22 +100,6 @@ WIDE = np.geomspace(0.4, 30.0, 40)
 
 SIDE = Structure.from_dict(tomllib.loads(GOOD))
 """With H1, D, delays on both sides and a tied parameter."""
-
-
-@pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=10, deadline=None)
-@given(seed=st.integers(1, 10**6))
-def test_response_derivative_equals_finite_difference(name, seed):
-    """Each built-in structure's analytic derivative is that of its response."""
-    structure = structures.named(name)
-    values = near_starts(structure, seed)
-    total, slope = response_and_slope(structure, values, GRID)
-    for found, numeric, one in zip(
-        slope, slopes(structure, values, GRID, step=1e-5), structure.free
-    ):
-        # Central differences of 1e-5: truncation 1e-10, and rounding of the response over the step
-        scale = np.max(np.abs(total)) / min(one.magnitude, abs(values[one.name]))
-        np.testing.assert_allclose(found, numeric, rtol=1e-5, atol=1e-7 * scale)
 
 
 @pytest.mark.parametrize(

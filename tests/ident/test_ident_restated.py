@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import f as fisher
 
+from helisim.base.errors import IdentificationError
 from helisim.ident import (
     Misfit,
     Parameter,
@@ -304,6 +305,8 @@ def test_windows_that_see_inputs_move_together_are_weighed_by_the_pseudo_inverse
     flown = record(LAT=stick, LON=pedal, lat=lat, lon=lon, p=p, q=q)
     names, frequency = ("LAT", "LON", "lat", "lon", "p", "q"), np.array([1.0, 3.0, 8.0])
     spectra = cross_spectra([flown, flown.slice(0.0, 20.0)], names, frequency, 6.0)
+    with pytest.raises(IdentificationError, match="inputs are fully coherent"):
+        condition(spectra, ["lat"], ["p"], others=["lat"])
     u, r, y = (spectra.windowed(names[k : k + 2]) for k in (2, 0, 4))
     for reference, seen in (((), u), (names[:2], u @ np.linalg.pinv(r) @ r)):
         inverse = np.linalg.pinv(seen)

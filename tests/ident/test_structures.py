@@ -214,33 +214,6 @@ def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message
     assert str(raised.value).startswith(f"{path}: ")
 
 
-plain_data = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8)),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=4), inner, max_size=3)
-    ),
-    max_leaves=8,
-)
-
-
-@settings(max_examples=40, deadline=None)
-@given(data=st.data())
-def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
-    """No entry of a structure, whatever its type and content, ends in another exception."""
-    plain = structures.hover.to_dict()
-    for key in data.draw(st.lists(st.sampled_from(sorted(plain)), min_size=1, max_size=2)):
-        plain[key] = data.draw(plain_data)
-    if data.draw(st.booleans()):
-        plain["parameters"] = {"K": data.draw(plain_data)}
-    try:
-        structure = Structure.from_dict(plain)
-    except InputError as error:
-        message = str(error)
-    else:
-        message = Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
-    assert message
-
-
 HEAVE = structures.heave.to_dict()
 
 

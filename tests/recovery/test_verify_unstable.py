@@ -76,14 +76,6 @@ def test_a_wrong_model_of_an_unstable_aircraft_is_not_acceptable(changes):
     assert found.j_rms > 3.0 * verified("blade_360").j_rms
 
 
-@pytest.mark.parametrize("name", ["M_a", "N_v"])
-def test_one_derivative_that_is_off_by_30_percent_shows(name):
-    """Each raises the coefficient by half or more of what the true model has."""
-    true = verified("blade_360")
-    off = verified("blade_360", **{name: 0.7 * aircraft("blade_360").truth[name]})
-    assert off.tic > 1.5 * true.tic
-
-
 ROLL = Structure.from_dict(
     {
         "name": "roll",
