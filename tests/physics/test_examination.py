@@ -7,7 +7,7 @@ from mujoco import rollout
 
 import helisim as hs
 from helisim.base.errors import CallbackError, InputError
-from helisim.physics.layout import ACTUATORS, LAYOUT, PARAM
+from helisim.physics.layout import ACTUATORS, LAYOUT, PARAM, ROTOR_STATES
 from helisim.vehicle.assembly import model_folder
 
 
@@ -74,6 +74,19 @@ def one_state(spec):
     spec.delete(spec.key("hover"))
 
 
+def too_few_states(spec):
+    spec.actuator("rotor").actdim -= 1
+    spec.delete(spec.key("hover"))
+
+
+def hinged(spec):
+    door = spec.worldbody.add_body(name="door", mass=1.0, inertia=[1.0, 1.0, 1.0])
+    door.explicitinertial = True
+    door.add_joint(name="hinge")
+    spec.delete(spec.key("hover"))
+    spec.actuator("rotor").target = "hinge"
+
+
 def steps(timestep):
     return lambda spec: setattr(spec.option, "timestep", timestep)
 
@@ -98,6 +111,8 @@ LACKING = [
     (switched_off("SENSOR"), "switches off .*sensors"),
     (group_off, "a group of actuators"),
     (one_state, r"actdim \[2, 1, 2, 2, \d+\], needed are \[2, 2, 2, 2"),
+    (too_few_states, rf"actdim .*, needed are \[2, 2, 2, 2, {ROTOR_STATES}\]"),
+    (hinged, "must have the free joint"),
     (steps(0.005), "gyro that acts each 0.002 s; .*timestep"),
     (steps(0.0005), "nsample=16, and their delay needs 51"),
 ]
@@ -116,8 +131,17 @@ def test_what_is_missing_is_named(spec, damage, said):
     assert "\n" not in str(at_once.value)
 
 
-def test_a_whole_model_is_said_nothing_of(spec, recwarn):
+def other_group_off(spec):
+    spec.option.disableactuator = 1 << 3
+
+
+@pytest.mark.parametrize(
+    "harmless",
+    [other_group_off, switched_off("SPRING"), switched_off("DAMPER"), steps(0.025 / 15)],
+)
+def test_a_whole_model_is_said_nothing_of(spec, recwarn, harmless):
     """Neither in flight nor by `check_model`, which names its body."""
+    harmless(spec)
     model = spec.compile()
     fly(model)
     assert hs.check_model(model) == ("jr700",)

@@ -68,6 +68,8 @@ def test_slope_of_the_share_is_its_derivative(nearness, induced, advance):
     _, slope = ground_share(nearness, induced, advance)
     # rounding of 1e-16 over a step of at least 1e-9; truncation is 1e-12 of the curvature
     assert (after - before) / (2.0 * step) == pytest.approx(slope, rel=1e-6, abs=1e-6)
+    hover, at_rest = ground_share(nearness, induced, 0.0), ground_share(nearness, 0.0, 0.0)
+    assert hover == pytest.approx(at_rest, rel=1e-14)
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from helisim.physics import inflow
 from helisim.physics.inflow import balance, mass_flow
 
 SLOPE = 0.25 * 6.0 * 0.054
@@ -164,3 +165,12 @@ def test_the_answer_is_the_only_one(free, advance, climb):
     assert sum(one != other for one, other in pairwise(signs)) <= 1
     induced, _ = balance(free, SLOPE, NEVER, climb, advance, 0.0)
     assert -1e-15 <= induced <= free + 1e-15  # rounding
+
+
+@given(free=st.floats(-0.4, 0.4), climb=st.floats(0.0, 0.3))
+def test_in_hover_and_climb_newton_starts_at_the_answer(free, climb):
+    """Where the balance is quadratic: with no step at all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inflow, "_MAX_ITERATIONS", 0)
+        v, thrust = balance(free, SLOPE, NEVER, math.copysign(climb, free), 0.0, 0.0)
+    assert 2.0 * v * abs(v + math.copysign(climb, free)) == pytest.approx(thrust, abs=1e-14)

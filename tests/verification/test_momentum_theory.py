@@ -7,53 +7,12 @@ import math
 
 import mujoco
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from helisim.physics import rotor
 from helisim.physics.inflow import mass_flow
 from helisim.physics.native import installed
 from helisim.vehicle.trim import Motion, write_motion
-from quasi_steady import inflow_and_thrust
-
-SOLIDITY, SLOPE, NEVER = 0.054, 6.0, 1e3
-
-
-def solve(pitch, climb=0.0, advance=0.0):
-    return inflow_and_thrust(pitch, climb, advance, SOLIDITY, SLOPE, NEVER)
-
-
-@given(pitch=st.floats(0.03, 0.2), advance=st.floats(0.0, 0.4))
-def test_level_flight_is_glauerts_quartic(pitch, advance):
-    """At any speed, v^2 = -V^2 / 2 + sqrt(V^4 / 4 + v_h^4), v_h of the same thrust in hover."""
-    induced, thrust = solve(pitch, advance=advance)
-    hover = 0.5 * thrust
-    closed = math.sqrt(-0.5 * advance**2 + math.sqrt(0.25 * advance**4 + hover**2))
-    # 1e-15 of the solver; the difference of two terms of mu^2 / 2 loses mu^2 / v^2 of it
-    assert induced == pytest.approx(closed, abs=1e-14 * (1.0 + (advance / closed) ** 2))
-
-
-@given(pitch=st.floats(0.05, 0.2), ratio=st.floats(0.0, 0.28))
-def test_slow_descent_stays_on_the_hover_branch(pitch, ratio):
-    """Down to 0.28 v_h, v = -V / 2 + sqrt(V^2 / 4 + v_h^2): the root that joins the hover."""
-    hover, _ = solve(pitch)
-    climb = -ratio * hover
-    inflow, thrust = solve(pitch, climb)
-    closed = -0.5 * climb + math.sqrt(0.25 * climb**2 + 0.5 * thrust)
-    assert inflow - climb == pytest.approx(closed, abs=1e-13)
-
-
-@given(pitch=st.floats(-0.06, -0.03), climb=st.floats(-0.12, -0.06))
-def test_windmill_takes_power_from_the_air(pitch, climb):
-    """In fast descent, v = -V / 2 - sqrt(V^2 / 4 - v_h^2), and the air drives the rotor."""
-    inflow, thrust = solve(pitch, climb)
-    if thrust <= 0.0 or inflow >= 0.0:
-        return
-    closed = -0.5 * climb - math.sqrt(0.25 * climb**2 - 0.5 * thrust)
-    # near V = -2 v_h the square root's argument vanishes and with it half of the digits
-    assert inflow - climb == pytest.approx(closed, abs=1e-7)
-    assert thrust * inflow < 0.0
 
 
 def loads(vehicle, motion):
