@@ -217,31 +217,6 @@ def test_a_rotor_without_load_runs_down_as_profile_drag_has_it(motor, name):
     assert history[-1] < 0.6
 
 
-def test_spool_up_takes_its_time(motor):
-    """From rest to 95 %: the throttle's ramp to the back-EMF there, and the motor's own lag.
-
-    Without load a motor runs at throttle x voltage x kV, so the ramp reaches a speed after
-    spool_up x speed / (voltage x kV), less what the proportional part adds, 5 % of the speed times
-    k_p; behind it lag the speed controller and the back-EMF against the inertia. 1 %: of the
-    ramp, which the integral is held back from by the throttle's lag.
-    """
-    time, idle = 6.0, {"air_density": 1e-9, "drive_friction": 0.0, "drive_no_load_current": 0.0}
-    idle["drive_collective_gain"] = 0.0
-    bench = Bench(motor, drive_spool_up=time, **idle)
-    bench.act[STATE.speed], bench.ctrl[8] = 0.0, 1.0
-    history = bench.run(1.2 * time)
-    own = motor.parameters
-    shaft = own["main_rotor.speed"] * own["drive.gear"]
-    share = shaft / (own["drive.voltage"] * own["drive.speed_constant"])
-    stiffness = (own["drive.gear"] / own["drive.speed_constant"]) ** 2 / own["drive.resistance"]
-    lag = own["drive.lag"] + own["drive.inertia"] / stiffness
-    share -= 0.05 * own["drive.k_p"]
-    reached = bench.model.opt.timestep * (np.argmax(history > 0.95) + 1)
-    assert reached == pytest.approx(0.95 * share * time + lag, rel=0.01)
-    assert history.max() < 1.02
-    assert np.all(np.diff(history[: np.argmax(history > 0.95)]) > -1e-6)
-
-
 def test_the_governor_leaves_no_droop(motor):
     """With more collective the speed falls, and comes back to the last digit."""
     bench = Bench(motor)

@@ -112,6 +112,7 @@ LACKING = [
     (group_off, "a group of actuators"),
     (one_state, r"actdim \[2, 1, 2, 2, \d+\], needed are \[2, 2, 2, 2"),
     (too_few_states, rf"actdim .*, needed are \[2, 2, 2, 2, {ROTOR_STATES}\]"),
+    (lambda spec: renumber(spec, "rotor", PARAM.tail_law, 7.0), "names a controller that this"),
     (hinged, "must have the free joint"),
     (steps(0.005), "gyro that acts each 0.002 s; .*timestep"),
     (steps(0.0005), "nsample=16, and their delay needs 51"),
@@ -146,6 +147,16 @@ def test_a_whole_model_is_said_nothing_of(spec, recwarn, harmless):
     fly(model)
     assert hs.check_model(model) == ("jr700",)
     assert not recwarn.list
+
+
+def test_a_gyro_without_room_leaves_the_servos_alone(spec):
+    too_few_states(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.ctrl[4:8] = commands = [0.1, -0.2, 0.3, -0.4]
+    with pytest.raises(CallbackError, match="actdim"), hs.installed():
+        mujoco.mj_step(model, data, 3)
+    assert data.ctrl[4:8].tolist() == commands
 
 
 def test_a_model_of_others_has_no_vehicle():

@@ -47,6 +47,75 @@ def test_a_failed_law_leaves_the_servos_where_they_were(jr700):
     assert data.ctrl[4:8].tolist() == [0.2, 0.2, 0.3, 0.4]
 
 
+NAN = np.nan
+
+
+@pytest.mark.parametrize(
+    ("place", "given", "commands"),
+    [
+        ("all", (1.0, 2.0, 3.0, 4.0), [1.0, 2.0, 3.0, 4.0]),
+        ("swash", np.array([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0, NAN]),
+        ("tail", 0.5, [NAN, NAN, NAN, 0.5]),
+        ("tail", [0.5], [NAN, NAN, NAN, 0.5]),
+        ("all", 0.0, "returned 0.0 where finite numbers for front, left, right, tail"),
+        ("tail", (1.0, 2.0), r"returned \(1.0, 2.0\) where finite numbers for tail are"),
+        ("swash", "abc", "returned 'abc'"),
+        ("swash", (1.0, np.inf, 0.0), "for front, left, right are"),
+    ],
+)
+def test_commands_go_to_their_servos_or_are_refused(place, given, commands):
+    law = OwnLaw(lambda seen: given, place, 0, np.zeros(0), None, "own").watched()
+    if isinstance(commands, str):
+        with pytest.raises(ModelError, match=commands):
+            law([0.0] * 18, np.zeros(0), starts=False)
+    else:
+        found = law([0.0] * 18, np.zeros(0), starts=False)
+        assert found == pytest.approx(commands, abs=0.0, nan_ok=True)
+
+
+def test_a_law_is_reset_when_it_starts_and_says_where_it_fails():
+    """Functions of one to three arguments; state and settings are its own, traceback and all."""
+
+    def law(seen, state, settings):
+        state[:] += settings
+        if state[1] > 5.0:
+            raise OverflowError("full")
+        return state[0] + seen.PED
+
+    def reset(seen, state):
+        state[:] = seen.time
+
+    own = OwnLaw(law, "tail", 2, np.array([1.0, 2.0]), reset, "mine").watched()
+    state, seen = np.array([9.0, 9.0]), [0.5, *[0.0] * 16, 0.25]
+    assert own(seen, state, starts=True)[3] == 1.75
+    assert own(seen, state, starts=False)[3] == 2.75
+    assert state.tolist() == [2.5, 4.5]
+    with pytest.raises(ModelError, match="'mine' raised OverflowError: full") as caught:
+        own(seen, state, starts=False)
+    assert state.tolist() == [2.5, 4.5]
+    (note,) = caught.value.__notes__
+    assert 'File "test_own_laws.py", line' in note
+    assert "laws.py" not in note.replace("test_own_laws.py", "")
+
+
+def test_a_law_that_is_gone_is_missed(jr700):
+    """Even while it flies: the servos stay, and the block says why."""
+    model, where = jr700.model.__copy__(), addresses(jr700.model)
+    hs.set_controller(model, Controller(lambda seen: (0.1, 0.2, 0.3, 0.4)))
+    data, handle = mujoco.MjData(model), model.actuator_user[where.rotor, PARAM.swash_law]
+
+    def flying():
+        with hs.installed():
+            mujoco.mj_step(model, data, 2)
+            next(one for one in laws.WATCHED if one.handle == handle).release()
+            data.ctrl[where.control + 4 : where.control + 8] = 0.0
+            mujoco.mj_step(model, data)
+
+    with pytest.raises(CallbackError, match="names a controller that this process does not know"):
+        flying()
+    assert not data.ctrl[where.control + 4 : where.control + 8].any()
+
+
 def test_a_law_is_given_its_numbers_by_name():
     assert list(laws._seen_at(range(18))) == [*range(18)]
 
