@@ -5,11 +5,11 @@
     python scripts/proof/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
 cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
-with one of the mutants possible there that is still Python; annotations and decorators are left
-out. The tests run once under coverage, so that a mutant meets only tests that execute its line,
-the restated laws and then the fastest first, until one fails. Its CPU time is limited: an endless
-loop counts as killed. The physics runs interpreted (tests/interpreted.py), so that kernel.py, which
-compiles it, is left out. Everything happens in a copy of the checkout.
+with one of the mutants possible there that is still Python; annotations, decorators and
+`TYPE_CHECKING` are left out. The tests run once under coverage, so that a mutant meets only tests
+that execute its line, the restated laws and then the fastest first, until one fails. Its CPU time
+is limited: an endless loop counts as killed. The physics runs interpreted (tests/interpreted.py),
+so that kernel.py, which compiles it, is left out. Everything happens in a copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %.
@@ -96,7 +96,7 @@ class Mutant:
 
 
 def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Return where no mutant could show: annotations and decorators."""
+    """Return where no mutant could show: annotations, decorators and whether types are checked."""
     found: list[ast.expr] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef):
@@ -105,6 +105,8 @@ def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
             found.append(node.annotation)
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             found += node.decorator_list
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            found.append(node.test)
     return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found]
 
 

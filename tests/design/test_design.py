@@ -10,19 +10,20 @@ import pytest
 from small_design import PERIOD, SmallLaw, SmallPlant, small_specs
 
 from helisim.base.errors import InputError
-from helisim.design.design import design
+from helisim.design.design import DesignResult, Judged, design
 from helisim.design.problem import (
     FREQUENCY,
     Free,
     InfeasibleError,
     Problem,
     UnstableError,
+    _told,
     distance,
     free_parameters,
     infeasible,
 )
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.criteria import DisturbanceRejection, Limit, PoleLimits
+from helisim.handling.criteria import DisturbanceRejection, Limit, PoleLimits, StabilityMargins
 from helisim.handling.loop import GRID, Curve
 from helisim.handling.spec import Spec
 
@@ -145,6 +146,24 @@ def test_models_drawn_keep_level_1_that_a_design_on_the_nominal_one_loses():
     assert robust.share > 0.91 - 0.13
     assert any(one.startswith("rejects of roll: Level 1 in") for one in alone.misses)
     assert all(one.worst.distance <= one.nominal.distance for one in robust.judged)
+
+
+def test_a_result_says_what_is_missed_and_by_how_many_models():
+    """Of hard and soft specifications, and of a law that was unstable before nothing."""
+    specs = [Spec(StabilityMargins(axis="lat"), kind) for kind in ("hard", "soft", "check")]
+    figures = {"gain_margin": 9.0, "phase_margin": 0.8, "crossover": 9.0}
+    good, poor = (specs[0].criterion.rated(figures | {"gain_margin": one}) for one in (9.0, 4.5))
+    judged = [Judged(spec, None, poor, poor, 0.75) for spec in specs]
+    judged[1] = replace(judged[1], before=good, nominal=good, share=1.0)
+    found = DesignResult(SmallLaw(), SmallLaw(), judged, 0.1, 0.75, 4)
+    assert found.misses == ("stability_margins of roll: Level 1 in 75 % of the models drawn",)
+    assert replace(found, judged=[replace(judged[1], nominal=poor)]).misses
+    assert "Level 1 in 75 % of 4 models drawn" in repr(found)
+    assert [one["before"] is None for one in found.to_dict()["specifications"]] == [1, 0, 1]
+    assert _told(poor) == "gain_margin 4.5 dB instead of gain_margin 6 dB"
+    assert _told(good) == (
+        "gain_margin 9 dB, phase_margin 45.8 deg instead of gain_margin 6 dB, phase_margin 45 deg"
+    )
 
 
 def test_an_unstable_start_is_made_stable_first():

@@ -62,15 +62,17 @@ def test_calm_air_is_met_as_it_is(jr700):
 
 
 def test_gusts_lie_along_the_path_through_the_air(jr700):
-    """A rms of its own along the path is from the side where the wind comes from there."""
-    rms = (2.0, 0.1, 0.1)
-    weather = Weather(wind=1.0, wind_from=np.pi / 2, rms=rms)
+    """Their covariance is that of independent gusts ahead, to the right and down of the path."""
+    rms, heading = (2.0, 0.1, 0.4), 0.6
+    weather = Weather(wind=1.0, wind_from=heading, rms=rms)
     air = air_met(jr700, weather, points=(3, 3, 3))
     assert sum(share for share, _ in air) == pytest.approx(1.0, rel=1e-12)
     winds = np.array([flip(*there.model.opt.wind) for _, there in air])
     shares = np.array([share for share, _ in air])
     mean = shares @ winds
-    assert mean == pytest.approx([0.0, -1.0, 0.0], abs=1e-12)
-    spread = np.sqrt(shares @ (winds - mean) ** 2)
-    # the quadrature has the variance of the normal distribution, and the path points east
-    assert spread == pytest.approx([0.1, 2.0, 0.1], rel=1e-9)
+    ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+    assert mean == pytest.approx(-ahead, abs=1e-12)
+    path = np.array([ahead, [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+    # the quadrature has the variance of the normal distribution
+    found = (winds - mean).T @ (shares[:, None] * (winds - mean))
+    assert found == pytest.approx(path.T @ np.diag(rms) ** 2 @ path, abs=1e-9)

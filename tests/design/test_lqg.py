@@ -60,23 +60,41 @@ def test_regulator_gains_are_those_a_tutorial_prints(position, angle, printed):
     assert found.gain[0] == pytest.approx(printed, abs=6e-5)  # printed to four decimals
 
 
-@pytest.mark.parametrize("index", [0.01, 0.3, 2.0])
-def test_filter_is_the_alpha_beta_filter(index):
+NOISY = {"disturbance": {"lat": 9.0}, "noise": {"phi": 0.001}}
+
+
+@pytest.mark.parametrize(
+    ("output", "given", "ratio"), [("phi", NOISY, 9000.0), ("phi", {}, 2.0), ("p", {}, 1.0)]
+)
+def test_filter_is_the_alpha_beta_filter(output, given, ratio):
     """Of a position measured under random acceleration the filter's gains have a closed form.
 
     P. Kalata, "The tracking index", IEEE Transactions on Aerospace and Electronic Systems 20,
     1984: with the index L = T^2 s_w / s_v, r = (4 + L - sqrt(8 L + L^2)) / 4, alpha = 1 - r^2 and
     beta = 2 (2 - alpha) - 4 sqrt(1 - alpha).
     """
-    noise = 0.01
-    moved = sampled([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], "x v", "phi")
-    disturbance = {"lat": index * noise / PERIOD**2}
-    weights = LqgWeights(output={"phi": 1.0}, disturbance=disturbance, noise={"phi": noise})
+    moved = sampled([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], "x v", output)
+    weights, index = LqgWeights(output={output: 1.0}, **given), PERIOD**2 * ratio
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
     beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
     gains = regulator(moved, (), weights).filter_gain[:, 0]
     assert gains == pytest.approx([alpha, beta / PERIOD], rel=1e-6)  # rounding of the solver
+
+
+@pytest.mark.parametrize("changes", [{}, {"error": 0.2, "settle": 2.0}])
+def test_error_integral_and_effort_weigh_by_their_squares(changes):
+    """Of a G = b T / (z - 1) the poles are the stable roots of the symmetric root locus.
+
+    Franklin, Powell and Workman, section 9.4: 1 + (e / error)^2 (1 + (T / settle)^2 / v) G G' = 0
+    with v = (z - 1) (1 / z - 1) and G G' = (b T)^2 / v; 0.1 rad, 0.5 s and an effort e of 0.1.
+    """
+    model = sampled([[0.0]], [[800.0]], [[1.0]], "phi", "phi")
+    own = {"error": 0.1, "settle": 0.5} | changes
+    z = regulator(model, (replace(ROLL, **changes),), LqgWeights()).poles[0]
+    one = (800.0 * PERIOD * 0.1 / own["error"]) ** 2
+    wanted = np.roots([1.0, one, one * (PERIOD / own["settle"]) ** 2])
+    np.testing.assert_allclose(np.sort((z - 1.0) * (1.0 / z - 1.0)), np.sort(wanted), rtol=1e-9)
 
 
 def closed(model, law) -> np.ndarray:
@@ -128,26 +146,6 @@ def flown(model, law, sticks, *, limit=np.inf, windup=None) -> np.ndarray:
         x = a @ x + b[:, 0] * given[2]
         z = law.a @ z + law.b @ seen + windup @ (given - whole)
     return np.array(out)
-
-
-def test_regulator_keeps_the_margins_that_are_guaranteed():
-    """The return difference is at least sqrt(R / (R + B' X B)) at every frequency.
-
-    Kalman's inequality for sampled systems (B. Anderson and J. Moore, Optimal Control, 1990,
-    section 6): towards 1 with shorter ticks, which is 60 degrees and half to unbounded gain.
-    """
-    roll = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0, settle=2.0)
-    peaks = []
-    for period in (0.01, 0.001):
-        model = turning(period=period)
-        gain = regulator(model, (roll,), LqgWeights()).gain
-        a = np.block([[model.a, np.zeros((3, 1))], [period * np.eye(1, 3), np.eye(1)]])
-        b = np.vstack([model.b, [[0.0]]])
-        points = np.exp(1j * period * np.geomspace(0.01, 0.99 * np.pi / period, 500))
-        loop = [(gain @ np.linalg.solve(z * np.eye(4) - a, b))[0, 0] for z in points]
-        peaks.append(1.0 / np.min(np.abs(1.0 + np.array(loop))))
-    assert 1.0 <= peaks[1] < 1.0 + 0.2 * (peaks[0] - 1.0)  # a tenth of the tick, a tenth of it
-    assert np.degrees(2.0 * np.arcsin(0.5 / peaks[1])) > 59.0
 
 
 def test_law_that_stood_at_its_limit_comes_back_at_once():
@@ -204,6 +202,15 @@ def test_what_can_not_be_stabilised_is_said(model, tracked):
 def test_wrong_input_says_what_would_do(tracked, weights, message):
     with pytest.raises(InputError, match=message):
         lqg(turning(delay=3), tracked, weights)
+
+
+def test_a_model_that_blocks_what_it_should_follow_is_said_so():
+    """Its zero is the command model's pole, so no command gives that output but one without end."""
+    zero, poles = np.exp(-5.0 * PERIOD), np.array([0.9, 0.5])
+    c = [[zero - poles[0], poles[1] - zero]]  # of c0 / (z - 0.9) + c1 / (z - 0.5)
+    model = LinearSystem(np.diag(poles), [[1], [1]], c, [[0]], PERIOD, ("lat",), ("p",))
+    with pytest.raises(InputError, match=r"follow commands of 1 outputs with its 1 commands"):
+        lqg(model, (Tracked(output="p", stick="LAT", **RATE),))
 
 
 def test_a_size_is_above_0():

@@ -238,6 +238,10 @@ def test_steady_weather_is_trimmed_for():
     for _ in range(25):
         seen, *_ = env.step(np.zeros(4))
     assert np.all(np.abs(seen[:3]) < 0.01)
+    # 0.3 of the tips' speed is 41 m/s through the air: 38 over the ground are too fast against it
+    for speed in (38.0, -38.0):
+        env.reset(seed=0, options={"motion": {"u": speed}})
+        assert env.step(np.zeros(4))[2] == (speed > 0.0)
 
 
 class Counting:

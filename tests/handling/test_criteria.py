@@ -11,7 +11,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.handling import criteria
 from helisim.handling.criteria import Limit, LoadRejection
 from helisim.handling.criterion import MOST, froude_scale
-from helisim.handling.loop import Curve, NoResponse
+from helisim.handling.loop import Curve, History, NoResponse
 
 ALL = [
     criteria.StabilityMargins(axis="lat"),
@@ -58,6 +58,17 @@ def test_ratings_are_finite_and_agree_with_the_borders(criterion):
         if min(abs(rating.distance), abs(rating.distance + 1.0)) > 1e-6:
             assert worst_level(rating) == rating.level
     assert len(levels) > 1 or criterion.name == "coupling"
+
+
+@pytest.mark.parametrize("criterion", ALL, ids=NAMES)
+def test_borders_scale_as_their_units_do(criterion):
+    """By Froude's law: frequencies by sqrt N, times by its inverse, all else not at all."""
+    power = {"rad/s": 0.5, "1/s": 0.5, "s": -0.5}
+    scaled = replace(criterion, scale=9.0).limits
+    for name, one in criterion.limits.items():
+        factor = 9.0 ** power.get(criterion.units[name], 0.0)
+        ends = one.level1 * factor, one.level2 * factor
+        assert (scaled[name].level1, scaled[name].level2) == pytest.approx(ends)
 
 
 SMOOTH = [
@@ -173,17 +184,51 @@ PRINTED = [
     # 3.3.9.2 within 4 s; 3.3.2.3 and 3.3.5.2 from 0.5 rad/s
     (criteria.Coupling, {"after": 4.0}, (0.25, 0.60)),
     (criteria.Damping, {"low": 0.5}, (0.35, 0.19)),
+    # choices of ours: a pole that doubles in 14 s; a third of travel and rate by 1 deg and 1 rad/s
+    (criteria.PoleLimits, {}, (1e-3, 0.05)),
+    (
+        criteria.ActuatorUse,
+        {"rms": np.radians(1.0), "corner": 1.0, "travel": 0.5, "rate_limit": 4.0},
+        *2 * [(1.0 / 3.0, 1.0)],
+    ),
 ]
 
 
 @pytest.mark.parametrize(("kind", "settings", "borders"), [(a, b, c) for a, b, *c in PRINTED])
 def test_borders_are_those_of_the_documents(kind, settings, borders):
-    found = kind(**({} if kind is criteria.Damping else {"axis": "lat"}) | settings)
+    least = {} if kind in (criteria.Damping, criteria.PoleLimits) else {"axis": "lat"}
+    found = kind(**least | settings)
     ends = [(one.level1, one.level2) for one in found.limits.values()]
     np.testing.assert_allclose(ends, borders, rtol=1e-12)
-    usual = kind(**({} if kind is criteria.Damping else {"axis": found.axis}))
+    usual = kind(**least | {name: 4.0 for name in settings if name == "rate_limit"})
     for name in settings.keys() - {"axis", "task"}:
         assert getattr(usual, name) == settings[name]
+
+
+QUICKNESS = {  # change of attitude, deg, where Levels 1 and 2 end, 1/s
+    "pitch": [
+        *((6.0, 1.56, 0.42), (7.5, 1.5, 0.416), (12.5, 1.326, 0.393), (17.5, 1.178, 0.379)),
+        *((22.5, 1.069, 0.367), (27.5, 0.979, 0.349), (30.0, 0.947, 0.345)),
+    ],
+    "roll": [
+        *((10.2, 2.395, 1.608), (12.5, 2.285, 1.575), (17.5, 2.067, 1.517), (25.0, 1.723, 1.423)),
+        *((34.0, 1.397, 1.313), (44.0, 1.154, 1.156), (50.0, 1.009, 1.0)),
+    ],
+    "yaw": [
+        *((10.6, 1.749, 0.593), (15.0, 1.637, 0.579), (25.0, 1.382, 0.546), (35.0, 1.208, 0.516)),
+        *((45.0, 1.132, 0.48), (55.0, 1.053, 0.444), (60.0, 1.015, 0.426)),
+    ],
+}
+
+
+@pytest.mark.parametrize("axis", QUICKNESS)
+def test_quickness_ends_where_the_digitised_figure_does(axis):
+    """Points of Prencipe's lines, most between those taken over: 0.02 1/s, and half a digit."""
+    asked = criteria.AttitudeQuickness(axis=axis)
+    for degrees, *levels in QUICKNESS[axis]:
+        found = replace(asked, change=np.radians(degrees)).limits["quickness"]
+        np.testing.assert_allclose((found.level1, found.level2), levels, atol=0.025)
+    assert asked.change == np.radians(20.0)
 
 
 @pytest.mark.parametrize("scale", [1.0, 16.0])
@@ -199,12 +244,23 @@ def test_actuator_use_of_an_angle_fed_back_is_that_of_filtered_noise(scale):
     assert dict(asked.rate(fed).figures) == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.parametrize("kind", [criteria.AttitudeQuickness, criteria.Coupling])
+@pytest.mark.parametrize("kept", [("phi",), ("theta", "p")])
+def test_a_step_that_lacks_an_attitude_rates_nothing(kind, kept):
+    signals = {name: np.linspace(0.0, 1.0, 50) for name in kept}
+    seen = SimpleNamespace(step=lambda *_, **__: History(np.linspace(0.0, 5.0, 50), signals))
+    with pytest.raises(NoResponse, match=r"a step of lat shows no phi and (p|theta)"):
+        kind(axis="lat").rate(seen)
+
+
 def test_a_figure_that_is_no_number_is_level_3():
     assert criteria.Damping().rated({"damping": np.nan}).level == 3
 
 
 def test_an_axis_answers_to_both_of_its_names():
     assert criteria.StabilityMargins(axis="roll") == criteria.StabilityMargins(axis="lat")
+    words = [criteria.StabilityMargins(axis=one).word for one in ("lat", "lon", "ped", "col")]
+    assert [*words, criteria.Damping().word] == ["roll", "pitch", "yaw", "heave", "whole loop"]
     with pytest.raises(UnknownNameError):
         criteria.Damping(axis="everything")
 

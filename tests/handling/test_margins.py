@@ -4,6 +4,7 @@ import control as ct
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError
 from helisim.handling.figures import margins
 from helisim.handling.loop import GRID, Curve
 
@@ -47,6 +48,34 @@ def test_the_sign_says_whether_the_closed_loop_is_stable(name):
     assert found.stable == bool(np.all(poles.real < 0.0))
     assert (found.least_gain > 0.0) == found.stable
     assert (found.least_phase > 0.0) == found.stable
+
+
+def test_a_curve_between_its_points_is_a_power_and_a_turn():
+    """Straight lines of log size and of phase over log frequency: (s / 3)^-1.7, which is both."""
+    found = Curve(GRID[::9], (1j * GRID[::9] / 3.0) ** -1.7)
+    wanted = np.array([0.2, 0.33, 3.0, 47.0])
+    np.testing.assert_allclose(found.at(wanted), (1j * wanted / 3.0) ** -1.7, rtol=1e-12)
+    late = Curve(GRID, np.exp(-0.1j * GRID))
+    np.testing.assert_allclose(late.phase, -0.1 * GRID, rtol=1e-12)
+    for beyond in (0.19, 151.0):
+        with pytest.raises(InputError, match=r"known from 0\.2 to 150 rad/s, not at"):
+            late.at([1.0, beyond])
+
+
+@pytest.mark.parametrize(
+    ("frequency", "response", "words"),
+    [
+        ([1.0, 2.0], [1.0, 1.0, 1.0], r"shapes \(2,\) and \(3,\)"),
+        ([[1.0, 2.0]], [[1.0, 1.0]], "two points or more"),
+        ([1.0], [1.0], "two points or more"),
+        ([0.0, 1.0], [1.0, 1.0], "positive and increasing"),
+        ([1.0, 2.0, 2.0], [1.0, 1.0, 1.0], "positive and increasing"),
+    ],
+)
+def test_what_is_no_curve_is_refused(frequency, response, words):
+    with pytest.raises(InputError, match=words):
+        Curve(np.array(frequency), np.array(response))
+    Curve(np.array([1.0, 2.0]), np.array([1.0, 1.0]))
 
 
 @pytest.mark.parametrize("gain", [1e-3, 0.1, 0.5, 30.0, 1e4])

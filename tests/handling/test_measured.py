@@ -13,7 +13,18 @@ from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.interval import figures_of, interval
-from helisim.handling.measured.margins import Driven, MeasuredLoop, cuts_by_name
+from helisim.handling.measured.margins import (
+    Driven,
+    MeasuredFigure,
+    MeasuredLoop,
+    _drives,
+    _error_root,
+    _excited_band,
+    _groups,
+    cuts_by_name,
+    known_curve,
+)
+from helisim.ident import frequency_response
 from helisim.records.record import Channel, FlightRecord
 
 CROSSOVER = {"band": (4.0, 9.0), "draws": 2}
@@ -54,8 +65,9 @@ def test_without_noise_the_loop_is_exact():
     np.testing.assert_allclose(curve.response[inside], exact[inside], rtol=3e-3)
 
 
-def test_axes_that_are_swept_at_once_are_told_apart():
-    """Two loops excited together, coupled: S_ii has the other's reference taken out."""
+@pytest.fixture(scope="module")
+def coupled():
+    """Two loops excited together; the other's injected signal shows in this one's."""
     one, other = (
         flown(known_loop(), seed=k, noise=0.02, name=n) for k, n in ((1, "lat"), (2, "lon"))
     )
@@ -63,10 +75,84 @@ def test_axes_that_are_swept_at_once_are_told_apart():
     # the other axis is swept downwards, and shows in this one's signals
     values[:, 3:] = values[::-1, 3:]
     values[:, 1:3] += 0.3 * values[:, [4]]
-    both = FlightRecord(one.time, values, one.channels + other.channels, {"made_by": "a test"})
-    found = hs.margins(both, **CROSSOVER)
+    return FlightRecord(one.time, values, one.channels + other.channels, {"made_by": "a test"})
+
+
+def test_axes_that_are_swept_at_once_are_told_apart(coupled):
+    """S_ii has the other's reference taken out."""
+    found = hs.margins(coupled, **CROSSOVER)
     _, phase, _, _ = control.margin(known_loop())
     assert abs(found.figure("phase_margin", "lat").value - phase) < 2.0
+
+
+def test_errors_of_a_loop_are_those_of_its_responses(coupled):
+    """R R* is the estimate's own covariance; of outputs that are alike biases are one error.
+
+    Draws of it scatter so: 4 000 are known to 2 % of the largest, in pairs about the response.
+    """
+    drives, outputs = ["lat_disturbance", "lon_disturbance"], ["lat_sum", "lat"]
+    parts = [coupled.slice(0.0, 34.0), coupled.slice(30.0, 60.0)]
+    scatter = frequency_response(parts, inputs=drives, outputs=outputs, band=(5.0, 5.6)).scatter
+    at, both = scatter.frequency, np.hypot(scatter.bias, scatter.spread)
+    scatter = replace(scatter, bias=both, spread=0.0 * both)
+    output, position = (k.ravel() for k in np.indices((2, at.size)))
+    wanted = scatter.covariance(output, 0 * output + 1, position)
+    size = np.sqrt(np.real(np.diagonal(wanted)))
+    over, near = np.outer(size, size), np.exp(-8.0 * np.subtract.outer(np.log(at), np.log(at)) ** 2)
+    across = np.kron([[0.0, 1.0], [1.0, 0.0]], near) * np.outer(*2 * [both[:, 1].ravel()])
+    for alike, covariance in (([0, 1], wanted), ([0, 0], wanted + across)):
+        root = _error_root(scatter, 1, np.array(alike))
+        # of single precision, and of what is added to the diagonal
+        np.testing.assert_allclose(root @ root.conj().T / over, covariance / over, atol=3e-5)
+    response = np.ones((2, at.size)) + 1j
+    draws = Driven("a", ("b", "c"), at, response, root).samples(4_000, 3)
+    off = (draws - response).reshape(4_000, -1) / size
+    np.testing.assert_allclose(off.T @ off.conj() / 4_000, covariance / over, atol=0.1)
+    np.testing.assert_allclose(off[:2_000], -off[2_000:], atol=1e-9)
+
+
+def test_a_band_is_where_all_that_was_injected_has_power():
+    """Of flat lines from 5 to 40 and 3 to 20 rad/s; power is averaged over a tenth to each side."""
+    time = 0.01 * np.arange(6_000)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(time.size, 0.01)
+    turn = np.exp(1j * omega**2)
+
+    def record(*bands):
+        waves = [np.fft.irfft(turn * ((omega > low) & (omega < high))) for low, high in bands]
+        channels = tuple(Channel(name, "1", "OTHER") for name in ("one", "other"))
+        return FlightRecord(time, np.column_stack(waves), channels, {})
+
+    found = _excited_band([record((5.0, 40.0), (3.0, 20.0))], ["one", "other"])
+    assert found == pytest.approx((5.0 / 1.1, 20.0 / 0.9), rel=0.04)  # of the grid's points
+    with pytest.raises(IdentificationError, match="one, other have no band of power in common"):
+        _excited_band([record((3.0, 8.0), (20.0, 40.0))], ["one", "other"])
+
+
+@pytest.mark.parametrize("more", [0.9, 1.1])
+def test_a_signal_that_hardly_moves_is_at_rest(more):
+    """Below 1e-4 of the largest of its place; a stick slower than 0.3 of the fastest one."""
+    sizes = dict.fromkeys(("lat_sum", "lon_sum", "phi_sum", "lat_disturbance", "LAT"), 1.0)
+    sizes |= {
+        "lon_disturbance": 1e-4 * more,
+        "phi_disturbance": 1e-9,
+        "LON": 0.3 * more,
+        "PED": 0.0,
+    }
+    time = 0.01 * np.arange(500)
+    values = np.outer(np.sin(30.0 * time), [*sizes.values()])
+    channels = tuple(Channel(name, "1", "OTHER") for name in sizes)
+    record, kept = FlightRecord(time, values, channels, {}), more > 1.0
+    lon = ["lon_disturbance"] if kept else []
+    assert _drives(record, cuts_by_name([*sizes])) == (*lon, "lat_disturbance", "phi_disturbance")
+    assert _drives(record, ()) == (("LON", "LAT") if kept else ("LAT",))
+
+
+def test_records_that_share_a_signal_are_estimated_together():
+    """Through others too; one without any is left."""
+    assert _groups([("a",), ("c",), ("a", "b"), (), ("b",)]) == [
+        (("a", "b"), [0, 2, 4]),
+        (("c",), [1]),
+    ]
 
 
 def test_a_record_late_against_what_was_injected_is_put_right():
@@ -88,6 +174,8 @@ def test_what_is_doubtful_of_a_record_is_told():
     values = np.column_stack([record.values, stick])
     held = FlightRecord(record.time, values, (*record.channels, Channel("LAT", "1", "IN2")), {})
     (said,) = [one for one in hs.margins(held, **CROSSOVER).remarks if "hands off" in one]
+    less = replace(held, values=values * [1.0, 1.0, 1.0, 0.45])  # 0.09 of what was injected
+    assert not any("hands off" in one for one in hs.margins(less, **CROSSOVER).remarks)
     assert said.startswith("LAT moved while lat_disturbance did: what a pilot answers is part")
     for given, words in (
         (record.slice(10.0, 10.2), "the records are too short: 0.19 s at 0.01 s a sample"),
@@ -143,6 +231,46 @@ def test_responses_of_a_loop_follow_from_what_was_injected():
         (MeasuredLoop(driven[:1], (replace(cuts[0], alone=True),), 2).disturbance("lat"), left),
     ):
         np.testing.assert_allclose(found.response, wanted, rtol=1e-9)
+    # without errors of the measurement what is left is by how much a flight's loop isn't the trim's
+    many = MeasuredLoop(driven, cuts, 4_000)
+    samples = many.broken("lat").samples
+    off = samples * s / 5.0 - 1.0
+    assert (np.std(off.real), np.std(off.imag)) == pytest.approx((0.006, 0.002), rel=0.06)
+    draws = [one.broken("lat").response for _, one in zip(range(3), many.draws)]
+    np.testing.assert_array_equal(draws, samples[:3])
+    with pytest.raises(
+        NoResponse, match="r was not recorded while LAT was moved; there are p, q, lat"
+    ):
+        loop.command("lat", "r")
+
+
+@pytest.mark.parametrize(
+    ("doubtful", "band"),
+    [
+        ((), (1, 12)),
+        ((1, 5, 12), (6, 11)),
+        ((4, 9), (5, 8)),
+        ((4, 8, 12), (1, 3)),
+        ((3, 10), (4, 9)),
+    ],
+)
+def test_a_curve_is_the_longest_band_that_is_known(doubtful, band):
+    """Known to 15 % by half of the draws; of bands as long as another the lowest."""
+    frequency = np.arange(1.0, 13.0)
+    size = np.where(np.isin(frequency, doubtful), 0.151, 0.149)
+    response = 2.0 * np.exp(-1j * frequency)
+    samples = response * (1.0 + np.outer([9.0, 1.0, 1j, -1.0, 0.0], size))
+    if doubtful:
+        samples[2, doubtful[0] - 1] = np.inf
+    lost = samples.copy()
+    lost[:, 1::2] = np.inf
+    found = known_curve("L", frequency, response, samples)
+    assert (found.frequency[0], found.frequency[-1]) == band
+    seen = slice(band[0] - 1, band[1])
+    np.testing.assert_array_equal(found.response, response[seen])
+    np.testing.assert_array_equal(found.samples, samples[:, seen])
+    with pytest.raises(NoResponse, match="L is lost in noise between 1 and 12 rad/s"):
+        known_curve("L", frequency, response, lost)
 
 
 BANDS = {
@@ -156,7 +284,9 @@ BANDS = {
     ("broken", 4.9, 60.0): {"gain_margin": 20.0 * np.log10(2.0 * np.pi)},
     # of s / (s + 5): 1 / sqrt 2 at 5 rad/s, and the most at the end
     ("disturbance", 1.0, 60.0): {"DRB": 5.0},
-    ("disturbance", 4.9, 60.0): {},
+    # which counts nearer than 5 % to neither end
+    **{("disturbance", 5.0 / 1.053, high): {"DRB": 5.0} for high in (60.0, 5.0 * 1.053)},
+    **{("disturbance", *ends): {} for ends in ((5.0 / 1.047, 60.0), (1.0, 5.0 * 1.047))},
     # of exp(-s / 10) / s: -135 deg and twice the gain at half of -180 deg's 5 pi
     ("command", 1.0, 40.0): {"bandwidth": 2.5 * np.pi, "phase_delay": 0.05},
     ("command", 1.0, 25.0): {"bandwidth": 2.5 * np.pi},
@@ -189,6 +319,8 @@ def test_an_interval_holds_the_percentiles_of_both_rules(value):
     found = interval(value, draws)
     wanted = -1.95996 + min(2.0 * value, 0.0), 1.95996 + max(2.0 * value, 0.0)
     assert (found.low, found.high) == pytest.approx(wanted, abs=0.01)  # of the outermost draws
+    said = MeasuredFigure("DRB", "lat", "sensors", "rad/s", replace(found, low=-np.inf)).to_dict()
+    assert (said["value"], said["low"], said["high"]) == (value, None, found.high)
     for lost in (9_000, 11_000):  # of which a tenth may lack the figure
         draws[-lost:] = np.nan
         assert np.isfinite(interval(value, draws).low) == (lost < 10_000)
@@ -232,7 +364,15 @@ def test_what_cannot_be_is_said(measured):
     still = FlightRecord(record.time, 0.0 * record.values, record.channels, {})
     with pytest.raises(IdentificationError, match="nothing was injected"):
         hs.margins(still)
-    with pytest.raises(InputError, match="late by inf"):
-        hs.margins(record, late={"lat": np.inf})
+    for wrong, words in (
+        ({"late": {"lat": np.inf}}, "late by inf"),
+        ({"late": {"lat": -10.0}}, "expected less than 10 s"),
+        ({"draws": 1}, "draws is 1, expected 2 to 20000"),
+        ({"draws": 20_001}, "draws is 20001"),
+    ):
+        with pytest.raises(InputError, match=words):
+            hs.margins(record, **wrong)
+    with pytest.raises(InputError, match="no records were given"):
+        hs.margins([])
     with pytest.raises(UnknownNameError, match="DRB lon sensors"):
         measured.figure("DRB", "lon", "sensors")

@@ -10,7 +10,6 @@ from helisim.base.errors import HelisimError, InputError
 from helisim.handling import criteria
 from helisim.handling.criteria import Limit
 from helisim.handling.spec import (
-    KINDS,
     STANDARDS,
     Spec,
     known_criteria,
@@ -89,15 +88,30 @@ def test_what_is_wrong_is_said_in_one_line(text, words, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+OF_TASK = {"attitude_bandwidth lat soft", "attitude_quickness lat check", "damping all soft"}
+OF_ROLL_AND_HEAVE = {
+    "margins": {
+        "pole_limits all hard",
+        *(f"stability_margins {one} hard" for one in ("lat", "col")),
+    },
+    "disturbance_rejection": {f"disturbance_rejection {one} soft" for one in ("lat", "col")},
+}
+
+
 @pytest.mark.parametrize("name", STANDARDS)
 def test_a_standard_rates_a_loop(name):
-    specs = standard(name, axes=("roll",), scale=10.7)
-    assert specs
-    for one in specs:
-        assert one.kind in KINDS
-        assert one.criterion.scale == 10.7
-        assert one.criterion.rate(AttitudeLoop()).level in (1, 2, 3)
-    assert len(standard(name)) > len(specs)
+    """ADS-33E-PRF, 3.3.9.2: what couples is pitch due to roll, and roll due to pitch."""
+    specs = standard(name, axes=("roll", "heave"), scale=10.7)
+    found = {f"{one.criterion.name} {one.criterion.axis} {one.kind}" for one in specs}
+    assert found == OF_ROLL_AND_HEAVE.get(name, OF_TASK)
+    for criterion in (one.criterion for one in specs):
+        assert criterion.scale == 10.7
+        assert getattr(criterion, "task", "") in name
+        assert criterion.rate(AttitudeLoop()).level in (1, 2, 3)
+    usual = [one.criterion for one in standard(name)]
+    pairs = {(one.axis, one.onto) for one in usual if isinstance(one, criteria.Coupling)}
+    assert pairs == ({("lat", "lon"), ("lon", "lat")} if name not in OF_ROLL_AND_HEAVE else set())
+    assert {one.axis for one in usual} - {"all"} == {"lat", "lon", "ped"}
 
 
 def test_an_own_criterion_is_read_from_a_file(tmp_path):

@@ -1,14 +1,12 @@
 """Laws as files wherever a controller is taken: commands, records, other flights, hands, agents."""
 
-import pickle
-
 import numpy as np
 import pytest
 
 import helisim as hs
 from helisim.base.errors import InputError
 from helisim.cli import main
-from small_laws import FULL, HOLDS
+from small_laws import HOLDS
 
 FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "flown.parquet"]
 
@@ -38,11 +36,6 @@ def test_a_file_flies_and_its_record_can_be_flown_again(folder, jr700):
     np.testing.assert_array_equal(again.values, record.values)
 
 
-def test_a_file_is_linearised(folder, capsys):
-    assert main(["linearize", "--inputs", "IN2", "--controller", "law.toml", "--json"]) == 0
-    assert "law_0" in capsys.readouterr().out
-
-
 def test_a_law_follows_the_vehicle_that_flies_it(jr700):
     """About the trim of another flight, and at another period of the ticks."""
     flying = jr700.with_controller(HOLDS)
@@ -52,14 +45,6 @@ def test_a_law_follows_the_vehicle_that_flies_it(jr700):
     slower = flying.with_settings({"gyro.period": 0.004})
     assert slower.gyro.system.dt == slower.controller.settings[0] == 0.004
     assert np.abs(slower.linearize("IN2").system.poles()).max() < 1.0 + 1e-9  # neutral heading
-
-
-def test_it_passes_to_another_process(jr700):
-    flying = jr700.with_controller(FULL)
-    passed = pickle.loads(pickle.dumps(flying))
-    assert passed.controller.written == FULL
-    flights = [hs.fly(one, hs.Step(axis="lat", amplitude=0.1), seed=1) for one in (flying, passed)]
-    np.testing.assert_array_equal(flights[0][0].values, flights[1][0].values)
 
 
 def test_a_law_in_a_model_of_mujoco_s_own_needs_a_vehicle(jr700):

@@ -49,21 +49,6 @@ def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_p
     assert {one.kind for one in read_specs(out / "specs.toml")} >= {"hard", "soft", "objective"}
 
 
-@pytest.mark.study
-def test_a_specification_out_of_reach_is_one_line(run_folder, tmp_path, capsys):
-    specs = tmp_path / "specs.toml"
-    specs.write_text(
-        '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\nkind = "hard"\n'
-        '[[spec]]\ncriterion = "disturbance_rejection"\naxis = "lat"\nbandwidth = [140.0, 70.0]\n',
-        encoding="utf-8",
-    )
-    out = tmp_path / "design"
-    said = fails(capsys, "design", run_folder, "--specs", specs, "--out", out, "--quiet")
-    assert "disturbance_rejection of roll can't be met" in said
-    assert "instead of drb 140 rad/s" in said
-    assert not out.exists()
-
-
 def test_without_a_run_it_says_what_makes_one(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = fails(capsys, "design")

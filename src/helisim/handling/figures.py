@@ -63,8 +63,6 @@ def peak(frequency: Real, values: Real) -> tuple[float, float]:
     y0, y1, y2 = values[top - 1 : top + 2].tolist()
     left, right = (y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1)
     bend = (right - left) / (x2 - x0)
-    if bend >= 0.0:
-        return y1, float(frequency[top])
     here = 0.5 * (x0 + x1) - 0.5 * left / bend
     return y0 + (here - x0) * (left + bend * (here - x1)), float(np.exp(here))
 
@@ -267,12 +265,10 @@ def quickness(angle: Real, rate: Real) -> Quickness:
 def changed(time: Real, angle: Real, rate: Real, *, change: float) -> Quickness:
     """Return the quickness of a `change`, rad, from the answer to a step of a stick; linear.
 
-    Time from the step on, s, angle, rad, and rate, rad/s, are (n_time,) each. An attitude that
-    settles is scaled down to the change; one that runs on is answered by a pulse of that peak.
+    Time from the step on, s, angle, rad, and rate, rad/s, from the trim's, are (n_time,) each. An
+    attitude that settles is scaled down to the change; one that runs on is answered by a pulse of
+    that peak.
     """
-    angle, rate = angle - angle[0], rate - rate[0]
-    if np.abs(angle).max() <= 0.0:
-        return Quickness(0.0, 0.0, 0.0)
 
     def pulse(step: Real, width: float) -> Real:
         return step - np.interp(time - width, time, step, left=0.0)

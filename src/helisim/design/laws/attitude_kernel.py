@@ -23,7 +23,7 @@ known(General)
 
 Attitude = namedtuple(
     "Attitude",
-    "state stick most model_aa model_ab model_ba model_bb model_a model_b ff_acceleration ff_rate "
+    "stick state most model_aa model_ab model_ba model_bb model_a model_b ff_acceleration ff_rate "
     "k_angle k_rate k_integral k_angle_cross k_rate_cross limit filters first_filter",
 )
 """Addresses of the numbers of lat, lon or ped in their block."""
@@ -36,8 +36,8 @@ LON = GENERAL.plate + PLATE_NUMBERS
 LAT = LON + BLOCK
 PED = LAT + BLOCK
 SETTINGS = PED + BLOCK  # number of settings
-MODEL, INTEGRAL, FILTERED = 0, 2, 3
-"""Begin of model (angle, rate), integral and filters in an axis's states."""
+INTEGRAL, FILTERED = 2, 3
+"""Place of the integral, and of the first filter, in an axis's states, behind the model's two."""
 COL = 0  # state of the collective: its trim
 
 
@@ -45,7 +45,7 @@ COL = 0  # state of the collective: its trim
 def model_next(state, settings, block, wanted):
     """Return the command model's angle and rate at the next tick."""
     at = int(settings[block + ATTITUDE.state])
-    angle, rate = state[at + MODEL], state[at + MODEL + 1]
+    angle, rate = state[at], state[at + 1]
     return (
         settings[block + ATTITUDE.model_aa] * angle
         + settings[block + ATTITUDE.model_ab] * rate
@@ -60,14 +60,14 @@ def model_next(state, settings, block, wanted):
 def move_model(state, settings, block, angle, rate):
     """Move the command model on to the next tick."""
     at = int(settings[block + ATTITUDE.state])
-    state[at + MODEL], state[at + MODEL + 1] = angle, rate
+    state[at], state[at + 1] = angle, rate
 
 
 @kernel()
 def errors(state, settings, block, angle, rate):
     """Return the model less what is sensed: angle and rate."""
     at = int(settings[block + ATTITUDE.state])
-    return wrap_to_pi(state[at + MODEL] - angle), state[at + MODEL + 1] - rate
+    return wrap_to_pi(state[at] - angle), state[at + 1] - rate
 
 
 @kernel()
@@ -100,7 +100,7 @@ def asked(settings, block, stick, centre):
 @kernel()
 def follow(state, settings, block, reached, sensed, crossed):
     """Return an axis's command without its integral, not yet mixed, and the integral's rate."""
-    at, period = int(settings[block + ATTITUDE.state]) + MODEL, settings[GENERAL.period]
+    at, period = int(settings[block + ATTITUDE.state]), settings[GENERAL.period]
     rate = wrap_to_pi(reached[0] - state[at]) / period
     acceleration = (reached[1] - state[at + 1]) / period
     angle_error, rate_error = errors(state, settings, block, sensed[0], sensed[1])
@@ -148,7 +148,7 @@ def attitude_law(seen, state, settings):
     move_model(state, settings, LON, pitch[0], pitch[1])
     heading = turn[0]
     if stops:  # the heading that is held then turns along, or it would run away
-        heading = state[int(settings[PED + ATTITUDE.state]) + MODEL]
+        heading = state[int(settings[PED + ATTITUDE.state])]
         heading += settings[GENERAL.period] * seen.r
     move_model(state, settings, PED, wrap_to_pi(heading), turn[1])
     col = state[COL] + settings[GENERAL.col_stick] * seen.COL
