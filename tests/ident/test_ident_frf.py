@@ -56,7 +56,7 @@ def test_roles_of_inputs_do_not_change_an_estimate():
 
 
 def test_inputs_that_move_together_are_told():
-    """Mostly: a warning that the result holds; wholly: an error; independent ones: nothing."""
+    """Mostly: a warning that the result holds; wholly: an error."""
     with pytest.warns(CrossControlWarning, match="'lat' and 'lon'"):
         frf = estimated(two_inputs(7, coupling=1.0, off=0.5))
     assert len(frf.flags) == 1
@@ -64,12 +64,6 @@ def test_inputs_that_move_together_are_told():
     assert np.mean(frf.cross_control_coherence[0, 1]) > 0.5
     with pytest.raises(IdentificationError, match="can't be told apart; add records"):
         estimated(two_inputs(8, coupling=1.0, off=0.0))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        frf = estimated(two_inputs(9))
-    assert frf.flags == ()
-    # Unrelated inputs: chance leaves 1 / n_d, and n_d is 5 or more by the windows' rule.
-    assert np.mean(frf.cross_control_coherence[0, 1]) < 0.2
 
 
 FLIGHT = two_inputs(1)

@@ -48,3 +48,24 @@ def test_no_fast_unstable_pole_stands_for_a_lag():
     s = 1j * omega
     lagging = 5200.0 / (s**2 + 27.0 * s + 572.0) * np.exp(-0.012 * s)
     assert named(omega, lagging) == "tf:0/2"
+
+
+@pytest.mark.parametrize(
+    ("poles", "order"),
+    [
+        ([-0.305, -6.0], "tf:0/2"),
+        ([-0.295, -6.0], "tf:0/1"),
+        (49.75 * np.exp([1.62j, -1.62j]), "tf:0/2"),
+        (50.25 * np.exp([1.62j, -1.62j]), "tf:0/1"),
+    ],
+)
+def test_poles_are_near_the_band(poles, order):
+    """From 0.3 of its lower edge, 1 rad/s, to twice its upper one, 25 rad/s."""
+    assert named(OMEGA, 100.0 / np.polyval(np.real(np.poly(poles)), S)) == order
+
+
+@pytest.mark.parametrize(("count", "order"), [(8, "tf:0/1"), (9, "tf:0/2")])
+def test_a_coefficient_takes_three_frequencies(count, order):
+    """Three of the numerator and the denominator take nine."""
+    omega = np.geomspace(1.0, 25.0, count)
+    assert named(omega, 400.0 / (144.0 - omega**2 + 12.0j * omega)) == order

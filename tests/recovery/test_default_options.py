@@ -18,6 +18,7 @@ def test_no_start_is_the_answer(name):
         ("f_16", 0),
         pytest.param("boeing_747", 1, marks=pytest.mark.slow),
         pytest.param("lynx", 1, marks=pytest.mark.slow),
+        pytest.param("blade_360", 1, marks=pytest.mark.study),
     ],
 )
 def test_all_come_back(name, seed):

@@ -174,7 +174,7 @@ def _gather(
     index = first[:, :, None] + np.arange(max(int(count.max()), 1))
     inside = np.arange(index.shape[2]) < count[:, :, None]
     omega = index * lines.spacing[:, None]
-    offset = np.where(inside, (omega - frequency[:, None, None]) / half[:, None, None], 0.0)
+    offset = (omega - frequency[:, None, None]) / half[:, None, None]
     root = np.where(inside, np.sqrt(np.clip(1.0 - offset**2, 0.0, 1.0)), 0.0)
     flight = np.arange(lines.spacing.size)[None, :, None]
     values = lines.values[flight, np.minimum(index, lines.values.shape[1] - 1)] * root[..., None]
