@@ -13,6 +13,7 @@ import helisim as hs
 from helisim.base.errors import InputError
 from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import (
+    GRID,
     LINEAR,
     SWEEPS,
     Proof,
@@ -36,9 +37,15 @@ from small_laws import HOLDS
 TRUE = Recorder(noise={}, resolution={}, latency={})
 
 
-@pytest.fixture(scope="module")
-def exact(jr700):
-    return exact_loop(jr700)
+BARS = {
+    "crossover": (0.02, 0.0),
+    "phase_margin": (0.0, np.deg2rad(1.5)),
+    "gain_margin": (0.0, 0.3),
+    "drb": (0.03, 0.0),
+    "bandwidth": (0.03, 0.0),
+    "phase_delay": (0.0, 0.005),
+}
+"""By how much a figure may be off, as a share of it and in its unit."""
 
 
 @pytest.mark.parametrize("name", ["sticks_lat+lon", "sticks_ped"])
@@ -112,6 +119,43 @@ def test_a_plan_of_nothing_is_refused():
         ProofPlan(repeats=0)
 
 
+def worst(proof):
+    found = []
+    for row in proof.table:
+        for name, flown in row.intervals.items():
+            if name in BARS:
+                share, least = BARS[name]
+                exact = row.exact.figures[name]
+                off = abs(flown.value - exact) / (share * exact + least)
+                found.append((off, row.spec.criterion.name, row.spec.criterion.axis, name))
+    assert len(found) == 18  # three margins' figures, DRB, bandwidth and delay of three axes
+    return max(found)
+
+
+@pytest.mark.study
+def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
+    """Of a law that holds attitude: every figure to a third of its bar, records on disk."""
+    plan = ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
+    flies = hands_off(jr700).with_controller(HOLDS)
+    proof = prove(jr700, HOLDS, predicted=exact_loop(flies, GRID), plan=plan)
+    off, *which = worst(proof)
+    # 0.2 is measured, of yaw's gain margin, 27 dB at the end of the band
+    assert off < 0.35, which
+    assert not proof.stops
+    assert all(row.predicted == row.exact for row in proof.table)
+    proof.write(tmp_path)
+    content = json.loads((tmp_path / "proof.json").read_text())
+    assert len(content["table"]) == 9
+    gust, before = (read_record(tmp_path / f"{name}gust.parquet") for name in ("", "before_"))
+    assert gust.provenance["weather"] == before.provenance["weather"]
+    # an attitude controller and a rate gyro answer differently to what is the same gust
+    assert np.ptp(gust["air_u"]) == pytest.approx(np.ptp(before["air_u"]), rel=0.05)
+    assert np.abs(gust["phi"] - before["phi"]).max() > 0.005
+    assert len(list(tmp_path.glob("actuators_*"))) == sum(
+        wave.at == "actuators" for wave in SWEEPS.values()
+    )
+
+
 @pytest.fixture(scope="module")
 def short(jr700):
     """A proof by two short sweeps of yaw alone, as one records it without noise."""
@@ -140,18 +184,6 @@ def test_a_short_proof_has_the_exact_figures_of_what_it_swept(short):
     assert whole.unknown == {"flown": "responses that were measured have no poles"}
     assert lat.unknown["flown"].startswith("nothing was injected into lat at actuators")
     assert [record.duration for (record,) in short.sweeps.values()] == [26.0, 26.0]
-
-
-def test_a_proof_is_written(short, tmp_path):
-    short.write(tmp_path / "proof")
-    events = [f"step_{axis}" for axis in ("lat", "lon", "ped")] + ["gust"]
-    records = [*events, *(f"before_{one}" for one in events)]
-    records += ["actuators_ped_0001", "sensors_ped_0001"]
-    assert {path.stem for path in (tmp_path / "proof").iterdir()} == {*records, "proof"}
-    assert read_record(tmp_path / "proof" / "before_gust.parquet") == short.before["gust"]
-    said = json.loads((tmp_path / "proof" / "proof.json").read_text())
-    assert (len(said["table"]), said["stops"], said["met"]) == (10, {}, not short.misses)
-    assert repr(short) == "Proof(10 specifications, 6 flights)"
 
 
 def test_events_of_a_proof_are_steps_from_rest_and_one_gust_with_both_laws(short):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from helisim.base.linear import LinearSystem
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import (
     bandwidth,
     changed,
@@ -24,6 +26,34 @@ FINE = np.geomspace(0.05, 300.0, 2000)
 
 def curve(response, frequency=FINE):
     return Curve(frequency, response(1j * frequency))
+
+
+Z = np.exp(0.1j * np.geomspace(0.5, 31.0, 2000))
+PRINTED = {
+    # Ogata, Modern Control Engineering, 5th edition, 2010, chapter 7, MATLAB's margins of
+    # G = 20 (s + 1) / (s (s + 5) (s^2 + 2 s + 10))
+    "a textbook's": (
+        curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0))),
+        (9.9293, 3e-4, 4.0131, 103.6573, 5e-4, 0.4426),
+    ),
+    # The MathWorks, Control System Toolbox, reference page of `margin`, sampled at 0.1 s:
+    # a gain of 2.0517
+    "sampled": (
+        Curve(np.geomspace(0.5, 31.0, 2000), (0.04798 * Z + 0.0464) / (Z**2 - 1.81 * Z + 0.9048)),
+        (20.0 * np.log10(2.0517), 5e-4, 5.4374, 13.5711, 2e-4, 4.3544),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_margins_are_the_printed_ones(name):
+    loop, (size, within, where, angle, digits, crossover) = PRINTED[name]
+    found = margins(loop)
+    ((turn, gain),), ((one, phase),) = found.gain, found.phase
+    assert gain == pytest.approx(size, abs=within)
+    assert turn == pytest.approx(where, abs=1e-4)
+    assert np.degrees(phase) == pytest.approx(angle, abs=digits)
+    assert found.crossover == one == pytest.approx(crossover, abs=1e-4)
 
 
 def test_margins_to_both_sides_of_a_conditionally_stable_vehicle():
@@ -68,6 +98,55 @@ def test_modes_of_a_helicopter():
     every = np.concatenate([[one, np.conj(one)] for one in printed] + [others])
     assert least_damped(every, low=1.0).frequency == pytest.approx(7.17, abs=0.006)
     assert least_damped(np.zeros(2, dtype=complex)) == (1.0, 0.0)
+
+
+_TRANSPORT = LinearSystem(
+    [
+        [-0.0082354, 18.938, -32.170, 0.0, 5.9022e-05, 0.0],
+        [-0.00025617, -0.56761, 0.0, 1.0, 2.2633e-06, 0.0],
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [1.3114e-05, -1.4847, 0.0, -0.47599, -1.4947e-07, 0.019781],
+        [0.0, -500.0, 500.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, -10.0],
+    ],
+    [[0.0], [0.0], [0.0], [0.0], [0.0], [10.0]],
+    57.296 * np.eye(6)[2:4],
+    np.zeros((2, 1)),
+    None,
+    ("lon",),
+    ("theta", "q"),
+)
+"""The transport aircraft of Stevens and Lewis, example 4.6-1, with its elevator's lag."""
+_PITCH_HOLD = LinearSystem(
+    np.zeros((0, 0)),
+    np.zeros((0, 3)),
+    np.zeros((1, 0)),
+    [[-4.0, -2.5, 4.0]],
+    None,
+    ("theta", "q", "LON"),
+    ("lon",),
+)
+"""u = 4 (theta_c - theta) - 2.5 q."""
+
+
+def test_a_closed_loop_is_the_one_that_is_printed():
+    """Stevens and Lewis, Aircraft Control and Simulation, 2nd edition, example 4.6-1.
+
+    The plant is printed, and in equation (3) theta over its command:
+    45.33 (s + 0.5567)(s + 0.01897)(s + 1.666e-4) / ((s + 1.999 +- 2.389j)(s + 6.646)(s + 0.3815)
+    (s + 0.02522)(s + 1.718e-4)). Four digits of each are worth 0.2 % and 0.1 deg.
+    """
+    omega = np.geomspace(0.01, 50.0, 200)
+    loop = ClosedLoop(_TRANSPORT, _PITCH_HOLD, omega)
+    s = 1j * omega
+    printed = 45.33 * (s + 0.5567) * (s + 0.01897) * (s + 1.666e-4)
+    printed /= ((s + 1.999) ** 2 + 2.389**2) * (s + 6.646) * (s + 0.3815)
+    printed /= (s + 0.02522) * (s + 1.718e-4)
+    np.testing.assert_allclose(loop.command("lon").response / printed, 1.0, atol=2e-3)
+    # and what is not printed but follows: S at the sensors is 1 - L / (1 + L)
+    broken = loop.broken("lon", "sensors").response
+    np.testing.assert_allclose(loop.disturbance("lon").response * (1.0 + broken), 1.0, atol=1e-9)
+    np.testing.assert_allclose(loop.broken("lon").response, broken, rtol=1e-9)  # one loop, one L
 
 
 def test_a_quickness():
