@@ -264,6 +264,7 @@ def test_starts_of_a_transfer_function_are_rational_fits_then_scattered(fixed, c
 
 
 EDGED = np.geomspace(1.0, 20.0, 41)
+FIRST = np.arange(41) < 14
 OFF = 1.5 * np.exp(0.4j)
 LOW = "cost is at the band's lower edge, outside 2.85 to 20 rad/s"
 
@@ -280,6 +281,9 @@ LOW = "cost is at the band's lower edge, outside 2.85 to 20 rad/s"
             "100 % of its cost is at the band's upper edge, outside 1 to 7.01 rad/s",
             "1 7",
         ),
+        # 2 dB of 14 points against degrees of 27: 56 of 73.7, and 56 of 75.3
+        (np.where(FIRST, 10.0**-0.1, np.exp(0.1068j)), 1.0, "76 % of its cost", "2.9 20"),
+        (np.where(FIRST, 10.0**-0.1, np.exp(0.1117j)), 1.0, None, None),
         (np.full(41, OFF), 0.75, None, None),
         (np.full(41, OFF), 0.7, "coherence is 0.70 on average: something else moves y,", None),
     ],
@@ -339,6 +343,8 @@ def test_stated_errors_are_the_scatter_of_many_disturbances():
     o, i, w = np.indices((2, 2, 3)).reshape(3, -1)
     each = found.response.reshape(2, draws, 2, 3).swapaxes(0, 1)[:, o, i, w] - (1.0 - 2.0 * i)
     measured = each.T @ each.conj() / draws
+    noise = np.diagonal(found.scatter.noise, axis1=1, axis2=2).real.mean(axis=1)
+    assert noise == pytest.approx(np.full(3, 0.1), rel=0.1)  # two inputs take a fifth of it
     turn = np.exp(0.1j * omega)  # of two samples, 0.1 s; each gust's spectrum is 2 x 0.05
     both = np.moveaxis(np.array([[turn**0, turn], [1.0 / turn, turn**0]]), 2, 0)
     known = {"noise": 0.1 * np.kron(both, np.eye(draws)), "bias": np.zeros((2 * draws, 2, 3))}
