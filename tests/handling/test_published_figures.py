@@ -239,3 +239,4 @@ def test_coupling_is_what_happens_within_its_time():
     time = np.linspace(0.0, 10.0, 1001)
     other = -0.3 * time - np.maximum(time - 4.0, 0.0)
     assert coupling(time, 1.0 + 2.0 * time, 0.5 + other, after=4.0) == pytest.approx(0.15)
+    assert 1e9 < coupling(time, 0.0 * time, other, after=4.0) < np.inf  # of no answer at all
