@@ -181,6 +181,15 @@ def test_a_box_of_any_attitude_is_its_upper_face(level, seed):
     assert far - found == pytest.approx(far - level(RADIUS / (4.0 * math.sqrt(near))), rel=0.01)
 
 
+@given(surfaces=st.lists(st.floats(0.01, 0.4), max_size=9))
+def test_the_four_nearest_surfaces_are_kept_in_order(surfaces):
+    near, count = [0.0] * 8, 0
+    for one in surfaces:
+        count = ground._insert(near, count, one, 2.0 * one)
+    kept = sorted(surfaces, reverse=True)[:4]
+    assert near[: 2 * count] == [number for one in kept for number in (one, 2.0 * one)]
+
+
 def test_what_nothing_can_touch_is_no_ground():
     """Drawn planes, ceilings and the vehicle's own parts don't count; one half of a touch does."""
 
