@@ -9,7 +9,8 @@ SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
 ROLLPITCH = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
 ROLL = {
     **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
-    **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "L_p": -0.02, "M_q": -0.02},
+    **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "A_v": -5e-3},
+    **{"L_p": -0.02, "M_q": -0.02},
 }
 """The JR700's, about, but for its delays."""
 

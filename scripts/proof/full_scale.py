@@ -278,66 +278,6 @@ def unexplained() -> list[Row]:
     return [row for source in (PADFIELD, THESIS) for row in rows(source) if verdict(row) == "?"]
 
 
-def skewed_wake(row: Row, flight: Flight) -> float:
-    """Return what Glauert's wake, as Helisim takes it, adds to a derivative.
-
-    Its inflow rises over the disc by lambda_i tan(chi / 2); helisim's by lambda_i sin(chi)^2, which
-    has no slope at the hover. Each asks for that tilt to the advancing side, less what the hub's
-    springs leave of it, and turned by them. Found here from blade elements and momentum anew.
-    """
-    axis, _, cause = row.name.partition("_")
-    own = load("lynx").parameters
-    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
-    spring = 2.0 * own["main_rotor.hub_stiffness"] / own["main_rotor.blades"]
-    inertia = own["main_rotor.blade_inertia"]
-    lock = own["air.density"] * own["main_rotor.lift_slope"] * own["main_rotor.chord"]
-    lock *= own["main_rotor.radius"] ** 4 / inertia
-    stiffness = 8.0 * spring / (inertia * own["main_rotor.speed"] ** 2) / lock
-    at = {"u": row.knots * KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
-    right, back = 0.0, 0.0  # of the disc, by what changes
-    if cause == "v":
-        far = at | {"u": max(at["u"], 1e-4)}
-        back = _rise(own, **far) / far["u"] / tip
-    else:
-        step = 1e-5
-        more, less = at | {cause: at[cause] + step}, at | {cause: at[cause] - step}
-        change = (_rise(own, **more) - _rise(own, **less)) / (2.0 * step)
-        right = change if cause == "theta_0" else change / tip
-    whole = 1.0 + stiffness**2
-    right, back = (right - stiffness * back) / whole, (back + stiffness * right) / whole
-    weight = MASS * GRAVITY
-    moment = own["main_rotor.hub_stiffness"] - weight * own["main_rotor.hub_z"]
-    ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
-    roll = moment * izz / (ixx * izz - ixz**2)
-    return {
-        "L": roll * right,
-        "N": roll * right * ixz / izz,
-        "M": moment / own["airframe.iyy"] * back,
-        "X": -GRAVITY * back,
-        "Y": GRAVITY * right,
-    }[axis]
-
-
-def _rise(own: Mapping[str, float], *, u: float, w: float, theta_0: float) -> float:
-    solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
-    solidity /= np.pi * own["main_rotor.radius"]
-    slope = own["main_rotor.lift_slope"] * solidity
-    pitch = theta_0 + 0.75 * own["main_rotor.twist"]
-
-    def imbalance(induced: float) -> float:
-        through = induced - w
-        lift = 0.5 * slope * (pitch / 3.0 * (1.0 + 1.5 * u**2) - 0.5 * through)
-        return 2.0 * induced * np.hypot(u, through) - lift
-
-    induced = brentq(imbalance, 0.0, 1.0)
-    through = induced - w
-    ahead = abs(u)
-    tangent = ahead / (np.hypot(ahead, through) + through)  # of half the skew angle
-    least = 0.005**2  # of physics/flapping.py
-    sine = ahead**3 / np.sqrt(ahead**2 + least) / (ahead**2 + through**2 + least)
-    return float(np.sign(u) * induced * (tangent - sine))
-
-
 def answering_inflow() -> Changes:
     own = load("lynx").parameters
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
@@ -345,9 +285,10 @@ def answering_inflow() -> Changes:
     tip = own["main_rotor.speed"] * own["main_rotor.radius"]
     disc = np.pi * own["main_rotor.radius"] ** 2
     inflow = np.sqrt(MASS * GRAVITY / (2.0 * own["air.density"] * disc)) / tip
-    name = "flapping.lock_reduction"
+    name, static = "flapping.lock_reduction", 15.0 * np.pi / 32.0  # Pitt and Peters
     given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
-    return (*flapping_of(given).to_parameters().items(), (name, given[name]))
+    answering = *flapping_of(given).to_parameters().items(), (name, given[name])
+    return (*answering, ("main_rotor.inflow_skew", static))
 
 
 def _tail(knots: int) -> tuple[float, float, float, float]:
@@ -392,14 +333,6 @@ EXPLANATIONS = (
         (PADFIELD, THESIS),
         ("M_w", "M_u", "X_u", "theta", "theta_1s", "X_theta_1s"),
         switch=(("airframe.tail_wash", 0.0),),
-    ),
-    Explanation(
-        "s",
-        "The wake's skew makes the inflow rise over the disc by sin^2 chi here, which has no slope "
-        "at the hover, and by tan chi/2 in Helisim.",
-        (PADFIELD, THESIS),
-        ("L_u", "L_v", "L_w", "M_u", "M_v", "N_v", "X_u", "Y_v", "L_theta_0"),
-        term=skewed_wake,
     ),
     Explanation(
         "t",

@@ -201,7 +201,7 @@ def test_a_wrong_unit_of_time_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("names", "structure"),
     [
-        (["sweep_lat", "sweep_lon"], "rollpitch"),
+        (["sweep_lat", "sweep_lon"], "rollpitch_speeds"),
         (["sweep_col"], "heave"),
         (["sweep_ped"], "yaw_base"),
         (["sweep_lat"], "tf:0/2"),

@@ -183,7 +183,7 @@ def test_vehicles_and_logs_choose_the_structures(tmp_path):
     """Roll and pitch in two logs are a helicopter's; a multicopter's are transfer functions."""
     paths = [SidLog().sweep(axis, **SHORT).save(tmp_path, f"{axis}.bin") for axis in (10, 11)]
     found = infer(paths)
-    assert [fit.structure for fit in found.fits] == ["rollpitch"]
+    assert [fit.structure for fit in found.fits] == ["rollpitch_speeds"]
     records = [log.record for log in found.read()]
     assert [record.names[-2:] for record in records] == [("mixer_roll", "mixer_pitch")] * 2
     assert records[0]["mixer_roll"].any()

@@ -9,10 +9,10 @@ from helisim.physics.flapping import (
     advance_ratios,
     disc,
     flapping_rates,
-    inflow_slope,
     skewed_slopes,
     tilt_by_flight,
 )
+from helisim.physics.inflow import inflow_rates, wake
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
@@ -112,6 +112,7 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     motion = STILL._replace(u=advance * tip, v=sideways * tip)
     main = MainRotor(*[0.0] * len(MainRotor._fields))
     main = main._replace(inflow=through, induced=induced, tip_speed=tip, pitch=pitch)
+    main = main._replace(climb=through - induced, advance=np.hypot(advance, sideways))
     par[PARAM.main_twist] = twist
     way = advance_ratios(motion, main)
     return tilt_by_flight(par, main, held, *way, *skewed_slopes(par, main, *way))
@@ -133,9 +134,11 @@ def test_a_disc_in_flight_tilts_as_one_blade(par, direction, way, advance, twist
     """
     lock, pitch, through = 6.0, 0.16, 0.03
     par[PARAM.flap_back], par[PARAM.flap_stop] = 1.0, 1.0
+    par[PARAM.inflow_skew] = 15.0 * np.pi / 32.0
     held = held_by(par, lock, 1.0, direction)
     induced = 0.02
-    rear = inflow_slope(induced, through, advance) * advance
+    skew = np.arctan2(advance, through)
+    rear = 15.0 * np.pi / 32.0 * np.tan(0.5 * skew) * induced
     found = flight(par, held, pitch, through, advance * way[0], advance * way[1], induced, twist)
     blade = OneBlade(
         lock=lock,
@@ -160,6 +163,7 @@ def test_flapping_of_nasa_tp_1285(par, advance):
     """
     lock, root, twist, through = 7.0, 0.22, -0.14, 0.025
     par[PARAM.flap_back], par[PARAM.flap_stop] = 1.0, 1.0
+    par[PARAM.inflow_skew] = 15.0 * np.pi / 32.0
     square = advance**2
     cone = lock * (
         -through / 6.0 + (1.0 + square) / 8.0 * root + (1.0 / 10.0 + square / 12.0) * twist
@@ -256,9 +260,21 @@ def test_a_step_is_the_implicit_midpoint(par, step):
     assert error < 1.05 * (size * step) ** 3 / 12.0 * np.abs(start - rest).max() * np.sqrt(2.0)
 
 
-def test_inflow_slopes_across_the_disc_in_flight_only():
-    """sin^2(chi) of the mean: half of it where drift and flow are equal, all of it edgewise."""
-    assert inflow_slope(0.03, 0.03, 0.0) == 0.0
-    assert inflow_slope(0.03, 0.1, 0.1) * 0.1 == pytest.approx(0.015, rel=0.01)
-    assert inflow_slope(0.01, 0.01, 0.3) * 0.3 == pytest.approx(0.01, rel=0.01)
-    assert inflow_slope(0.03, 0.0, 0.0) == 0.0  # in the vortex ring, without drift
+@pytest.mark.parametrize("climb", [0.0, 0.02, -0.06])
+@pytest.mark.parametrize("advance", [1e-6, 0.01, 0.1, 0.4])
+def test_slopes_are_those_at_which_dynamic_inflow_rests(par, climb, advance):
+    """Without a moment on the hub; 15 pi / 32 tan(chi / 2) of the mean (Pitt and Peters, 1981)."""
+    par[PARAM.flap_back], par[PARAM.inflow_skew] = 1.0, 15.0 * np.pi / 32.0
+    ahead, right, mean = 0.6 * advance, -0.8 * advance, 0.03
+    main = MainRotor(*[0.0] * len(MainRotor._fields))
+    main = main._replace(induced=mean, climb=climb, advance=advance)
+    across, aft = skewed_slopes(par, main, ahead, right)
+    behind = wake(mean, climb, advance, ahead, right)
+    thrust = 2.0 * behind.flow * mean  # momentum
+    rates = inflow_rates(mean, across, aft, thrust, 0.0, 0.0, behind, 1.0, 1.0, 15.0 * np.pi / 64.0)
+    # rounding, over the flow's inertia of 0.1
+    assert rates == pytest.approx((0.0, 0.0, 0.0), abs=1e-15)
+    if climb == 0.0:
+        skew = np.arctan2(advance, mean)
+        gain = 15.0 * np.pi / 32.0 * np.tan(0.5 * skew) * mean
+        assert (across, aft) == pytest.approx((0.8 * gain, 0.6 * gain), rel=1e-12)

@@ -15,6 +15,7 @@ from quasi_steady import inflow_and_thrust
 
 ways = st.floats(-math.pi, math.pi)
 speeds = st.floats(0.0, 40.0)
+SKEW = 15.0 * math.pi / 64.0  # Pitt and Peters
 loads = st.tuples(*[st.floats(-50.0, 50.0)] * 3)
 inflows = st.tuples(st.floats(0.5, 8.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 
@@ -45,7 +46,7 @@ def test_rates_are_the_published_matrices_in_the_winds_axes(way, speed, inflow, 
     expected = turn.T @ np.linalg.solve(mass, driven)
     tip = 130.0
     behind = wake(inflow[0] / tip, climb / tip, speed / tip, ahead / tip, right / tip)
-    found = inflow_rates(*inflow, *load, behind, tip, 0.8)
+    found = inflow_rates(*inflow, *load, behind, tip, 0.8, SKEW)
     # rounding of terms up to 50 x 8 / 0.09
     assert found == pytest.approx(expected, rel=1e-11, abs=1e-10)
 
@@ -65,7 +66,7 @@ def response(rate, rotor_speed, radius):
     def rates(t, mean):
         loading = thrust(t, mean[0]) * tip**2
         behind = wake(mean[0] / tip, 0.0, 0.0, 0.0, 0.0)
-        return [inflow_rates(mean[0], 0.0, 0.0, loading, 0.0, 0.0, behind, tip, radius)[0]]
+        return [inflow_rates(mean[0], 0.0, 0.0, loading, 0.0, 0.0, behind, tip, radius, SKEW)[0]]
 
     ramp = 12.0 / rate
     solution = solve_ivp(rates, (0.0, ramp + 4.0), [0.0], max_step=2e-3, rtol=1e-8)
@@ -105,9 +106,9 @@ def test_the_mean_rests_where_momentum_and_blades_meet(flight):
     share, _ = momentum.ground_share(nearness, mean, advance)
     behind = wake(mean, climb, advance, advance, 0.0)
     # the inflow's slope that goes with a disc without moments: 15 pi / 32 tan(chi / 2)
-    aft = 15.0 * math.pi / 32.0 * behind.skew_x * mean
+    aft = 2.0 * SKEW * behind.skew_x * mean
     rate, right_rate, aft_rate = inflow_rates(
-        mean, 0.0, aft, share * thrust, 0.0, 0.0, behind, 1.0, 1.0
+        mean, 0.0, aft, share * thrust, 0.0, 0.0, behind, 1.0, 1.0, SKEW
     )
     # Newton stops after a step below 3e-8 at a curvature below 1: 1e-15, and rounding over mass
     assert [rate, right_rate, aft_rate] == pytest.approx([0.0, 0.0, 0.0], abs=1e-13)
@@ -119,5 +120,5 @@ def test_slopes_always_die_out(mean, climb, speed):
     behind = wake(mean, climb, speed, speed, 0.0)
     assert behind.slope_flow > 0.0
     assert 0.0 <= behind.skew_x <= 1.0
-    _, right_rate, _ = inflow_rates(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, behind, 1.0, 1.0)
+    _, right_rate, _ = inflow_rates(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, behind, 1.0, 1.0, SKEW)
     assert right_rate < 0.0

@@ -36,7 +36,7 @@ def test_each_is_a_short_record_with_its_origin(logs):
     ("structure", "sweeps", "unseen", "options"),
     [
         (
-            "rollpitch",
+            "rollpitch_speeds",
             ("sweep_lat", "sweep_lon"),
             ("doublet_lat", 0.0, 8.0),
             {"conditioning": ("col", "ped"), "band": (3.0, 42.0)},

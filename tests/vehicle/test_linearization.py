@@ -47,8 +47,9 @@ def test_hub_derivatives_are_the_closed_form(jr700):
 def test_speed_derivatives_are_physical(jr700):
     """Flap-back leans the disc away from the airspeed; the drag-free hover has X_u = 0."""
     found = jr700.derivatives
-    # Q_u tau_f = 1.1e-3 rad per m/s (design, section 3: two digits)
-    assert found["Q_u"] * found["tau_f"] == pytest.approx(1.1e-3, abs=0.05e-3)
+    level = load("jr700", parameters={"main_rotor.inflow_skew": 0.0}).derivatives
+    # Q_u tau_f = 1.1e-3 rad per m/s in even inflow (design, section 3: two digits)
+    assert level["Q_u"] * level["tau_f"] == pytest.approx(1.1e-3, abs=0.05e-3)
     assert found["P_v"] == pytest.approx(-found["Q_u"], rel=1e-9)
     assert found["Y_v"] < 0.0 < found["N_v"]
 

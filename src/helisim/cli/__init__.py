@@ -26,7 +26,7 @@ examples:
   helisim reproduce --out reproduction      the paper's experiment, end to end
   helisim fly --axis lat --out lat.parquet  one lateral sweep
   helisim linearize --json                  the exact linear model, for a script
-  helisim identify lat.parquet lon.parquet --structure rollpitch \\
+  helisim identify lat.parquet lon.parquet --structure rollpitch_speeds \\
       --json model.json
   helisim verify model.json doublet.parquet
 """

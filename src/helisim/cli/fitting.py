@@ -85,13 +85,13 @@ def identify(o: Options) -> int:
 
     example:
       helisim identify flight.bin
-      helisim identify lat.csv lon.csv --structure rollpitch --map heli.toml \\
+      helisim identify lat.csv lon.csv --structure rollpitch_speeds --map heli.toml \\
           --resample 100 --band 1 40 --json model.json
       helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
 
     A log of ArduPilot's mode SystemID says what was swept; options overrule it.
     Several axes give several models: --json model.json then writes
-    model-rollpitch.json and so on.
+    model-rollpitch_speeds.json and so on.
 
     Exit status 1: the search didn't converge, the fit's cost is beyond the
     guidelines, or the fit is degenerate.

@@ -260,7 +260,7 @@ def examples(o: Options) -> int:
     example:
       helisim examples --to logs
       helisim identify logs/sweep_lat.parquet logs/sweep_lon.parquet \\
-          --structure rollpitch --band 3 42 --json rollpitch.json
+          --structure rollpitch_speeds --band 3 42 --json rollpitch.json
       helisim verify rollpitch.json logs/doublet_lat.parquet
       helisim identify logs/logger.csv --map logs/logger.toml --structure tf:0/2 \\
           --inputs lat --outputs p --band 3 25

@@ -192,10 +192,13 @@ def _core(
         # G(s) = g (1 - s lag + ...), one lag for all that a command moves
         moved = core.b * (a[np.ix_(own, servos)] @ slow)
         lags = np.sum(moved, axis=0) / np.sum(core.b**2, axis=0)
-    lost = []
+    lost, said = [], [f"servos of {structure.name} stand as delays"] if servos else []
+    whole, flapped = _without_flap_back(states, core.a)
+    if flapped:
+        said.append(f"flap-back of {structure.name} stands as {flapped}")
     entries = {
         (row, by): float(value)
-        for row, line in zip(states, np.hstack([core.a, core.b]))
+        for row, line in zip(states, np.hstack([whole, core.b]))
         for by, value in zip((*states, *structure.inputs), line)
     }
     known = {*DERIVATIVES.values(), *FLAPPING.values(), ("a", "a"), ("b", "b")}
@@ -210,7 +213,6 @@ def _core(
         raise InputError(
             f"{structure.name} can't be a model of ArduPilot, which has no {'; '.join(lost)}"
         )
-    said = [f"servos of {structure.name} stand as delays"] if servos else []
     delays = {}
     for name, lag in zip(structure.inputs, lags.tolist()):
         # to its own rate where the model has it
@@ -218,6 +220,23 @@ def _core(
         delay = model.output_delays[output] + model.delays[name] + lag
         delays[name] = delay - late.get(output, 0.0) + late.get(name, 0.0)
     return entries, delays, said
+
+
+def _without_flap_back(states: Sequence[str], a: Real) -> tuple[Real, str]:
+    """Return a state matrix whose tilts, without their rest in an airspeed, know none; and words.
+
+    The rest's moments and forces are derivatives by the velocities then.
+    """
+    tilts, ways = ([k for k, name in enumerate(states) if name in of] for of in ("ab", "uv"))
+    if not np.any(a[np.ix_(tilts, ways)]):
+        return a, ""
+    whole, rest = a.copy(), np.linalg.solve(a[np.ix_(tilts, tilts)], a[np.ix_(tilts, ways)])
+    whole[:, ways] -= a[:, tilts] @ rest
+    across = [(k, one) for k in ways for one in ways if k != one]
+    lost = ", ".join(f"{whole[at]:.2g} in d{states[at[0]]}/dt by {states[at[1]]}" for at in across)
+    for at in (*across, np.ix_(tilts, ways)):
+        whole[at] = 0.0
+    return whole, f"derivatives by the velocities, which have no place for {lost}"
 
 
 def _flapping(entries: Mapping[Place, float]) -> dict[str, float]:

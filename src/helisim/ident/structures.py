@@ -63,6 +63,7 @@ _PARAMETERS = {
         delay_parameter("tau_lat", "delay of lateral cyclic"),
         delay_parameter("tau_lon", "delay of longitudinal cyclic"),
         Parameter("A_u", "rad s/m", 1e-3, (-0.02, 0.02), "flap-back by forward velocity"),
+        Parameter("A_v", "rad s/m", 0.0, (-0.02, 0.02), "flap-back by side velocity", 0.005),
         Parameter("L_p", "1/s", -0.03, _BESIDE, "roll damping beside the rotor's", 0.1),
         Parameter("M_q", "1/s", -0.03, _BESIDE, "pitch damping beside the rotor's", 0.1),
         Parameter("X_u", "1/s", -0.1, None, "forward damping"),
@@ -339,14 +340,14 @@ rollpitch_speeds = _built(
     # percent of the rates at three times the frequency of the hover's slow modes.
     f"{rollpitch.meaning}, with the speeds that tilting gathers: flap-back, and the "
     "dampings of fuselage and tail",
-    f"{' '.join(rollpitch.names)} A_u L_p M_q",
+    f"{' '.join(rollpitch.names)} A_u A_v L_p M_q",
     like=rollpitch,
     states="u v phi theta",
     F={
         "p": {"p": "L_p"},
         "q": {"q": "M_q"},
-        "a": {"u": "A_u"},
-        "b": {"v": "-A_u"},  # the rotor is round
+        "a": {"u": "A_u", "v": "A_v"},
+        "b": {"u": "A_v", "v": "-A_u"},  # the rotor is round
         "u": {"theta": "-g", "a": "-g"},
         "v": {"phi": "g", "b": "g"},
         "phi": {"p": "1"},

@@ -121,7 +121,8 @@ def _active(time: Array, values: Array) -> slice:
     rest = np.delete(values, within)
     middle = np.median(rest) if rest.size > _REST_SHARE * values.size else np.median(values)
     noise = 1.5 * np.median(np.abs(rest - middle)) if rest.size else 0.0
-    least = max(_BEGUN * np.ptp(values[within]), _CLEAR * noise)
+    span = np.ptp(values[within])
+    least = max(_BEGUN * span, min(_CLEAR * noise, _ACTIVE * span))  # more is no rest
     inside = np.flatnonzero(np.abs(values[within] - middle) > least) + begin * size
     return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else within
 

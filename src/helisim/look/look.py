@@ -19,7 +19,7 @@ from helisim.look.sweeps import own_sweeps
 from helisim.records.record import IN1, IN2, RATES
 
 _STRUCTURES = (
-    ("rollpitch", ("lat", "lon"), ("p", "q")),
+    ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
     ("heave", ("col",), ("w",)),
     ("yaw_base", ("ped",), ("r",)),
 )  # Structures of helicopters with inputs and outputs, largest first

@@ -79,7 +79,7 @@ _CANDIDATES: tuple[tuple[str, str, str, str], ...] = (
 """Channel, column, unit, why, best first; body axes, commands right, nose up, nose right, up."""
 _MIDDLE = {"col": 0.5}  # throttle in the middle of its range, which is no collective
 _HELI = (
-    ("rollpitch", ("lat", "lon"), ("p", "q"), "roll and pitch were swept"),
+    ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), "roll and pitch were swept"),
     (
         "tf:0/2",
         ("lat",),

@@ -28,7 +28,6 @@ _FASTEST = 0.6  # advance ratio up to which flapping grows; at 1.41 the hold is 
 _CORE = 0.7  # part of it up to which the equations hold
 _HELD = 0.3  # rotor speed over nominal, below which droop stops hold the blades
 _LIMP = 1e-6  # least nu^2 - 1, finite at rest
-_LEAST_FLOW = 0.005  # over tip speed, below which the wake is not skewed
 
 
 Disc = namedtuple("Disc", "share air spring_aa spring_ab spring_ba stops free stiffness lock")
@@ -104,16 +103,6 @@ def coning(pitch, twist, inflow, advance, lock, stiffness):
 
 
 @kernel()
-def inflow_slope(induced, inflow, advance):
-    """Return the excess of downflow at the lee tip, over the advance ratio.
-
-    Mean times sin^2(chi), the wake's skew (Howlett, NASA CR 166309, 1981; Leishman, ch. 3).
-    """
-    square, least = advance**2, _LEAST_FLOW**2
-    return induced * square / math.sqrt(square + least) / (square + inflow**2 + least)
-
-
-@kernel()
 def advance_ratios(motion, main):
     """Return the airspeed ahead and right over the tip speed, as far as flapping grows."""
     ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
@@ -156,10 +145,14 @@ def tilt_by_flight(par, main, held, ahead, right, across, aft):
 
 @kernel()
 def skewed_slopes(par, main, ahead, right):
-    """Return the quasi-steady excess of downflow at the right and rear tip, over the tip speed."""
-    slope = inflow_slope(main.induced, main.inflow, math.sqrt(ahead**2 + right**2))
-    slope *= par[PARAM.flap_back]
-    return -slope * right, slope * ahead
+    """Return the quasi-steady excess of downflow at the right and rear tip, over the tip speed.
+
+    What dynamic inflow settles at where the hub has no moment: tan(chi / 2) of the mean, 15 pi / 32
+    times (Pitt and Peters), linear in the advance ratio at the hover.
+    """
+    behind = wake(main.induced, main.climb, main.advance, ahead, right)
+    slope = par[PARAM.inflow_skew] * par[PARAM.flap_back] * main.induced
+    return -slope * behind.skew_y, slope * behind.skew_x
 
 
 @kernel()
@@ -237,4 +230,5 @@ def wake_rates(par, past, main, mean, right, aft, roll, pitch):
     behind = wake(main.induced, main.climb, main.advance, skewed[0], skewed[1])
     share, _ = ground_share(past.nearness, main.induced, main.advance)
     thrust = share * main.thrust / (par[PARAM.air_density] * math.pi * radius**2)
-    return inflow_rates(mean, right, aft, thrust, roll, pitch, behind, tip, radius)
+    skew = 0.5 * par[PARAM.inflow_skew]
+    return inflow_rates(mean, right, aft, thrust, roll, pitch, behind, tip, radius, skew)

@@ -20,7 +20,7 @@ ParamIndex = namedtuple(
     "hub_x hub_z shaft_cosine shaft_sine hub_stiffness hub_cross "
     # tip-path plane: air's hold over inertia and density, Lock reduction, nu^2 - 1, springs (1/s)
     "flap_hold flap_reduction flap_stiffness spring_aa spring_ab spring_ba cyclic_a_lat "
-    "cyclic_a_lon cyclic_b_lat cyclic_b_lon flap_back flap_stop "
+    "cyclic_a_lon cyclic_b_lat cyclic_b_lon flap_back inflow_skew flap_stop "
     # tail rotor
     "tail_radius tail_speed tail_solidity tail_lift_slope tail_pitch_trim tail_pitch_range "
     "tail_stall tail_induced_factor tail_profile_drag tail_direction tail_x tail_z tail_blockage "

@@ -206,14 +206,22 @@ def _loops(
 
 
 def _clear(loops: Response) -> NDArray[np.bool_]:
-    """Return which loops are stable with the margins, (n_gains,): outside a Nichols box at -1."""
+    """Return which loops are stable with the margins, (n_gains,): outside a Nichols box at -1.
+
+    The phase of a loop of more than 1 may rise through -180 degrees, past the hover's unstable
+    modes, but not fall through it.
+    """
     first = loops[:, int(np.argmax(_BAND >= _HOLDS))]
     begins = (first.imag < 0.0) & (np.abs(first) > 1.0)
     size = 20.0 * np.log10(np.maximum(np.abs(loops), _LEAST))
     behind = np.abs(np.angle(-loops))
     near = (np.abs(size) < LEAST_GAIN) & (behind < LEAST_PHASE)
     angle = np.unwrap(np.angle(loops), axis=1)
-    slow = np.round((angle[:, :1] + 0.5 * np.pi) / (2.0 * np.pi)) * 2.0 * np.pi
-    passed = ((angle - slow) < -np.pi) & (size > 0.0)
+    fallen = np.diff(np.floor((angle + np.pi) / (2.0 * np.pi)), axis=1) < 0.0
     peak = -20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))
-    return begins & ~np.any(near | passed, axis=1) & (peak < MOST_PEAK)
+    return (
+        begins
+        & ~np.any(near, axis=1)
+        & ~np.any(fallen & (size[:, 1:] > 0.0), axis=1)
+        & (peak < MOST_PEAK)
+    )

@@ -254,7 +254,7 @@ def comparison_table(
         parameters=tuple(
             _row(vehicle, fit, name, truth.get(name), model, judge_paper)
             for name in fit.values
-            if name not in model.given or name in model.tolerances
+            if name in model.tolerances or not fit.structure.parameter(name).fixed
         ),
         given=(*given, *behind),
     )

@@ -55,7 +55,7 @@ def true_values(
         held = 0.5 * own["gyro.period"]
         servo = held if model.servos_known else vehicle.servo_delay(axis)
         true[name] = servo + recorder.late(motion) - recorder.late(axis)
-    true["A_u"] = true["Q_u"] * true["tau_f"]
+    true |= {f"A_{way}": true[f"Q_{way}"] * true["tau_f"] for way in "uv"}
     if "L_p" in model.structure.names:  # what opposes roll and pitch beside the tilted rotor
         for name, rate in (("L_p", "p"), ("M_q", "q")):
             each = [(share, there.linearize("IN1").derivative(rate, rate)) for share, there in air]

@@ -185,6 +185,7 @@ def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[s
         "Z_col": swash["w"]["col"],
         "X_u": base.derivative("u", "u"),
         "Q_u": base.derivative("flap_a", "u"),
+        "Q_v": base.derivative("flap_a", "v"),
     }
 
 
