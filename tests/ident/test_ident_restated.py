@@ -38,6 +38,7 @@ from helisim.ident.search import (
     Minimum,
     Start,
     agreed,
+    beside,
     linear_parameters,
     search,
     starting_points,
@@ -240,6 +241,15 @@ def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
     assert np.max(np.abs(taken[1:] - found[1:])) == pytest.approx(0.025)
     assert not delays.differ(found[1:], found[1:] + np.array([0.02, 0.024]))
     assert delays.differ(found[1:], found[1:] - np.array([0.0, 0.025]))
+    both = beside(cost, np.array([1.0, 0.1, 0.225]))  # four steps off, with the best gain there
+    assert [one.delays for one in both] == [
+        pytest.approx([0.0, 0.125]),
+        pytest.approx([0.2, 0.325]),
+    ]
+    for one in both:
+        assert cost.relative_jacobian(one.x)[:, 0] @ cost.relative(one.x) == pytest.approx(
+            0.0, abs=1e-6
+        )
 
 
 @pytest.mark.parametrize(("fixed", "count"), [(False, 7), (True, 3)])
