@@ -54,6 +54,8 @@ def test_every_range_holds_its_start():
     own = law.parameters()
     assert {"lat.k_rate", "lon.k_angle", "ped.k_rate", "phase"} <= set(bounds)
     assert all(low <= own[name] <= high for name, (low, high) in bounds.items())
+    of_axes = [name for name in bounds if name != "phase" and not name.endswith("_cross")]
+    assert all(0.0 < bounds[name][0] < own[name] for name in of_axes)  # moved by their logarithms
 
 
 def test_a_start_is_weak_and_has_the_ratios_that_are_said():
@@ -92,6 +94,11 @@ def test_the_law_before_falls_short_by_as_much_as_more_is_asked_for(gain):
     loop = ClosedLoop(plant, law.linear(0.002))
     found = usual_specs(plant, law, period=0.002, diameter=1.534, rate_limit=10.0)
     assert {one.kind for one in found} == {"hard", "soft", "objective", "check"}
+    hard = [(one.criterion.name, one.criterion.axis) for one in found if one.kind == "hard"]
+    assert hard == [
+        ("pole_limits", "all"),
+        *(("stability_margins", one) for one in ("lat", "lon", "ped")),
+    ]
     loads = {}
     for one in (one.criterion for one in found):
         known = one.name in ("disturbance_rejection", "load_rejection", "crossover")

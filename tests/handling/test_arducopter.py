@@ -135,6 +135,17 @@ def test_the_gyros_filter_is_a_butterworth_of_second_order():
     assert corner == pytest.approx(-1j / math.sqrt(2.0), rel=1e-6)
 
 
+def test_the_targets_derivative_is_fed_forward():
+    """AC_PID: DFF is D_FF times the difference of filtered targets over the tick."""
+    ahead = ArduCopterLaw.of(PARAMETERS | {"ATC_RAT_YAW_D_FF": 0.02, "ATC_RAT_YAW_FLTT": 0.0})
+    kept = ArduCopterLaw.of(PARAMETERS | {"ATC_RAT_YAW_FLTT": 0.0})
+    now, then = (
+        one.rates["ped"].tick(Terms(0.1, 0.0, 0.0, 0.0, 0.0), 0.3, 0.0, 0.0025).command
+        for one in (kept, ahead)
+    )
+    assert then - now == pytest.approx(0.02 * (0.3 - 0.1) / 0.0025)
+
+
 def test_an_integral_beyond_its_least_leak_leaks():
     """Of roll, 2 % a tick: steady gain I T / 0.02 + P instead of an integrator."""
     frequency = np.array([1e-3])
