@@ -235,3 +235,4 @@ def test_wash_is_stopped_by_the_ground(par, height, share):
     nearness = (par[PARAM.main_radius] / (4.0 * height)) ** 2
     left = ground.wash_residual(par, nearness, par[PARAM.hub_z] + (1.0 - share) * height)
     assert left == pytest.approx((own + image)[2] / own[2], abs=1e-12)
+    assert ground.wash_residual(par, nearness, par[PARAM.hub_z] + 1.4 * height) == 0.0  # below it

@@ -90,20 +90,6 @@ def test_surfaces_take_energy_from_every_motion(jr700, u, v, w, p, q, r):
         assert np.dot(loads, motion) <= 1e-12 * size  # rounding
 
 
-@given(u=component, v=component, w=component)
-def test_the_force_is_smooth(jr700, u, v, w):
-    """Central differences of two sizes agree, but at rest where drag itself has a kink."""
-    par = jr700.model.actuator_user[jr700.model.actuator("rotor").id]
-    speed = max(0.1, math.sqrt(u * u + v * v + w * w))
-
-    def slope(h):
-        high, low = (fin(par, Velocities(u + 0.1, v + s * h, w, 0, 0, 0), 0.0).fy for s in (1, -1))
-        return (high - low) / (2.0 * h)
-
-    # the third derivative is 1e-1 / V at most: times h^2 / V^2 of 1e-6, and rounding of 1e-12
-    assert slope(1e-3 * speed) == pytest.approx(slope(0.5e-3 * speed), rel=1e-4, abs=1e-6)
-
-
 def test_weathercock_stiffness_is_the_fins_lift(jr700):
     """At 20 m/s: N_v of the fin is rho/2 S a V l / Izz, 0.8, as much as all the rest in hover."""
     without = load(parameters={"fin.area": 0.0})
