@@ -120,9 +120,8 @@ def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder, "model.json")
         command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
-        done = subprocess.run(
-            [*command, "--json", str(model)], capture_output=True, text=True, check=False
-        )
+        command += ["--json", str(model)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode > 1:  # 1 is a fit that it finds no good
             sys.exit(done.stderr.strip())
         fits = [load_fit(path) for path in sorted(model.parent.glob("*.json"))]

@@ -34,7 +34,6 @@ def flown(
     top = np.concatenate([np.zeros(bottom.size - top.size), top])
     total = lfilter(bottom, bottom + top, added + gust)  # S of the disturbance and of the gust
     values = np.column_stack([added, total, total - added])
-    channels = tuple(
-        Channel(one, "1", "OTHER", "") for one in (f"{name}_disturbance", f"{name}_sum", name)
-    )
+    names = (f"{name}_disturbance", f"{name}_sum", name)
+    channels = tuple(Channel(one, "1", "OTHER", "") for one in names)
     return FlightRecord(np.arange(added.size) * PERIOD, values, channels, {"made_by": "a test"})

@@ -1,6 +1,17 @@
-"""The command line, run within a test."""
+"""The command line, run within a test, and Python in a process of its own."""
+
+import subprocess
+import sys
 
 from helisim.cli import main
+
+
+def python(code, *arguments, **options):
+    """Run code in a fresh process, which must succeed; return what it printed."""
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def fails(capsys, *arguments):

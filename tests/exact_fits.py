@@ -19,7 +19,6 @@ def found(structure: ident.Structure, **values: float) -> ident.Fit:
     """Return a fit that found the values, for nothing else was free."""
     known = structure.with_fixed(values)
     at = ident.evaluate.response(known, known.starts, OMEGA)
-    exact = ident.FrequencyResponse.exact(
-        OMEGA, at, inputs=structure.inputs, outputs=structure.outputs
-    )
+    names = {"inputs": structure.inputs, "outputs": structure.outputs}
+    exact = ident.FrequencyResponse.exact(OMEGA, at, **names)
     return ident.identify(exact, known)

@@ -24,12 +24,8 @@ from numba import types
 
 from helisim.physics import kernel, laws, memory, native
 
-_C = {
-    types.void: None,
-    types.int32: ctypes.c_int32,
-    types.int64: ctypes.c_int64,
-    types.float64: ctypes.c_double,
-}
+_C = {types.void: None, types.int32: ctypes.c_int32, types.int64: ctypes.c_int64}
+_C[types.float64] = ctypes.c_double
 
 raised: list[BaseException] = []
 """What the force laws raised: a fault of theirs, as compiled code can't."""

@@ -5,11 +5,8 @@ from helisim.ident import Parameter, Structure
 LATE = Structure(
     name="late",
     parameters=(
-        Parameter("a", "1/s", -1.5),
-        Parameter("b", "1", 3.0),
-        Parameter("tau_in", "s", 0.04),
-        Parameter("tau_p", "s", 0.03),
-        Parameter("tau_q", "s", -0.02),
+        *(Parameter("a", "1/s", -1.5), Parameter("b", "1", 3.0), Parameter("tau_in", "s", 0.04)),
+        *(Parameter("tau_p", "s", 0.03), Parameter("tau_q", "s", -0.02)),
     ),
     states=("p", "q"),
     inputs=("lat", "lon"),

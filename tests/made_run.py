@@ -48,21 +48,12 @@ def make_model(name: str, *, verified: bool = False) -> IdentifiedModel:
     """Return a model fitted to its exact response."""
     structure, values = MODELS[name]
     omega = np.geomspace(0.5, 30.0, 60)
-    exact = ident.FrequencyResponse.exact(
-        omega,
-        response(structure, values, omega),
-        inputs=structure.inputs,
-        outputs=structure.outputs,
-    )
-    fit = ident.identify(exact, structure)
-    return IdentifiedModel(
-        name,
-        fit,
-        exact=exact,
-        note="a note with < and &",
-        verification=make_verification(structure) if verified else None,
-        verified_on=("doublet",) if verified else (),
-    )
+    names = {"inputs": structure.inputs, "outputs": structure.outputs}
+    exact = ident.FrequencyResponse.exact(omega, response(structure, values, omega), **names)
+    found = {"fit": ident.identify(exact, structure), "exact": exact}
+    if verified:
+        found |= {"verification": make_verification(structure), "verified_on": ("doublet",)}
+    return IdentifiedModel(name, **found, note="a note with < and &")
 
 
 def make_verification(structure: ident.Structure) -> ident.Verification:
@@ -120,34 +111,25 @@ def write_run(folder: Path) -> Results:
     """Write a run's files into a folder, and return its results."""
     items = [make_model("heave"), make_model("rollpitch_in1", verified=True)]
     tables = tuple(_table(item) for item in items)
+    flown = {"flights_kept_each_axis": 1, "flown_each_axis": 2, "timestep_s": 0.002}
+    flown |= {"parameters": {}, "recorder": {"rate_hz": 100.0, "antialias_hz": 40.0}}
+    coherent = {"coherence": 0.98765, "limit": 0.99, "kept": 1}
     results = Results(
         tables=tables,
         seed=7,
         versions={"helisim": "0.1.0", "mujoco": "4.0.0"},
-        configuration={
-            "flights_kept_each_axis": 1,
-            "flown_each_axis": 2,
-            "timestep_s": 0.002,
-            "parameters": {},
-            "recorder": {"rate_hz": 100.0, "antialias_hz": 40.0},
-        },
-        excluded=(
-            Exclusion(
-                flight="lat_01", reason="less coherent", coherence=0.98765, limit=0.99, kept=1
-            ),
-        ),
+        configuration=flown,
+        excluded=(Exclusion(flight="lat_01", reason="less coherent", **coherent),),
         ground={"bench": GROUND},
-        verification={
-            item.name: item.verification.figures for item in items if item.verification is not None
-        },
+        verification={items[1].name: items[1].verification.figures},
         gyro_effect=GYRO_EFFECT,
         eq_8=EQ_8,
     )
     (folder / "results.json").write_text(json.dumps(results.to_dict()))
     write_models(folder / "fits.json", items)
     (folder / "flights").mkdir()
-    flown = {"kind": "Sweep", "axis": "lat", "duration": 3.0, "trim_time": 0.5}
+    swept = {"kind": "Sweep", "axis": "lat", "duration": 3.0, "trim_time": 0.5}
     for name in ("lat_01", "lat_02", "col_01"):
-        record = make_flight(excitation=flown, parameters={"main_rotor.radius": 0.767}, flight=name)
+        record = make_flight(excitation=swept, parameters={"main_rotor.radius": 0.767}, flight=name)
         write_record(record, folder / "flights" / f"{name}.parquet")
     return results

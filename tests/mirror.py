@@ -2,20 +2,9 @@
 
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed
 
-_ODD = (
-    "main_rotor.direction",
-    "fin.incidence",
-    "flapping.a_b",
-    "flapping.b_a",
-    "flapping.a_lat",
-    "flapping.b_lon",
-    "gyro.phase",
-    "gyro.p_per_lon",
-    "gyro.q_per_lat",
-    "swashplate.front_angle",
-    "swashplate.left_angle",
-    "swashplate.right_angle",
-)
+_ODD = {"main_rotor.direction", "fin.incidence", "gyro.phase", "gyro.p_per_lon", "gyro.q_per_lat"}
+_ODD |= {f"flapping.{name}" for name in ("a_b", "b_a", "a_lat", "b_lon")}
+_ODD |= {f"swashplate.{name}_angle" for name in ("front", "left", "right")}
 """What changes sign: of pitch by roll and of roll by pitch, and angles seen from above."""
 
 

@@ -38,3 +38,30 @@ def draws(code: str, *arguments: str) -> None:
         assert run.returncode == NONE, run.stderr
         reasons.append(f"{backend}: {run.stdout.strip()}")
     pytest.skip(f"no off-screen GL (install libegl1 libgl1, or libosmesa6): {'; '.join(reasons)}")
+
+
+def on_display(folder, *command, more=()):
+    """Run a command in a folder on a virtual display; its Python imports from `more`, too."""
+    paths = os.pathsep.join([*sys.path, *more])
+    return subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *command],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+class Clock:
+    """A clock that only sleeping moves."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += max(seconds, 1e-3)

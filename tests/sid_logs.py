@@ -41,30 +41,22 @@ def _system():
     return a, b
 
 
-def chirp(time, low, high, length, fade_in=1.0, fade_out=1.0):
+def chirp(time, low, high, length):
     """Return the sweep and its frequency, Hz: dwells for two periods, then rises exponentially."""
     dwell = 2.0 / low
     ratio = np.log(high / low)
     share = np.clip((time - dwell) / (length - dwell), 0.0, 1.0)
     phase = 2.0 * np.pi * low * (length - dwell) / ratio * np.expm1(ratio * share)
     phase = np.where(time < dwell, 2.0 * np.pi * low * (time - dwell), phase)
-    window = np.clip(time / fade_in, 0.0, 1.0) * np.clip((length - time) / fade_out, 0.0, 1.0)
+    window = np.clip(time, 0.0, 1.0) * np.clip(length - time, 0.0, 1.0)  # fades for 1 s
     return window * np.sin(phase), low * np.exp(ratio * share)
 
 
 @cache
 def flown(
-    axis,
-    *,
-    rate=100.0,
-    low=0.5,
-    high=8.0,
-    length=24.0,
-    noise=0.0,
-    seed=0,
-    magnitude=0.05,
+    axis, *, rate=100.0, low=0.5, high=8.0, length=24.0, noise=0.0, seed=0, magnitude=0.05,
     pulses=0.0,
-):
+):  # fmt: skip
     """Return time of a sweep by its start, what was injected, its frequency, commands and motion.
 
     `axis` is of SID_AXIS: 10 to 13, or 1 to 9, which inject the same elsewhere; frequencies and

@@ -14,17 +14,11 @@ HOLDS = AttitudeCommand(
 )
 """Gains found by hand."""
 LAT = {"stick": 0.6, "frequency": 6.0, "k_angle": 0.6, "k_rate": 0.05}
+MORE = {"k_angle_cross": 0.02, "k_rate_cross": 0.01, "ff_acceleration": 0.001, "ff_rate": 0.01}
+LEADS = (Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0))
 FULL = replace(
     HOLDS,
-    lat=replace(
-        HOLDS.lat,
-        k_angle_cross=0.02,
-        k_rate_cross=0.01,
-        ff_acceleration=0.001,
-        ff_rate=0.01,
-        damping=0.7,
-        filters=(Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0)),
-    ),
+    lat=replace(HOLDS.lat, **MORE, damping=0.7, filters=LEADS),
     lon=replace(HOLDS.lon, damping=1.4),
     ped=replace(HOLDS.ped, ff_rate=0.02, ff_acceleration=0.003),
 )

@@ -70,3 +70,15 @@ def csv_writer(folder):
         return path
 
     return write
+
+
+BAD = {
+    "empty": lambda rows: [[t, u, ""] for t, u, _ in rows],
+    "untimed": lambda rows: [["" if k == 7 else t, *rest] for k, (t, *rest) in enumerate(rows)],
+    "holes": lambda rows: [[t, u, "" if k % 10 == 4 else w] for k, (t, u, w) in enumerate(rows)],
+    "still": lambda rows: [[t, "0.25", w] for t, _, w in rows],
+    "again": lambda rows: rows[:1000] + rows[:2000],
+    "twice": lambda rows: [*rows[:50], rows[49], *rows[50:]],
+    "gaps": lambda rows: [row for k, row in enumerate(rows) if k % 500 not in range(400, 450)],
+}
+"""What may be wrong with the rows of a sweep as `csv_writer` writes it."""

@@ -18,6 +18,7 @@ from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM
 from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import addresses, place
+from own_laws import attitude_controllers
 
 HOP = hs.Doublet(axis="lat", duration=8.0)
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")
@@ -203,38 +204,38 @@ def scene(*names, size=320):
     return world
 
 
-def test_helicopters_of_two_kinds_in_one_scene(jr700):
-    """A JR700 and a Blade 360, in one place so that no rounding differs, fly as if alone."""
-    vehicles = (jr700, hs.load("blade360"))
+def test_helicopters_in_one_scene_fly_as_if_alone(jr700):
+    """Two kinds, in one place so that no rounding differs, each with a controller of its own.
+
+    By prefix: in Python, compiled, none, so that the servos' `ctrl` counts, and the shipped one.
+    """
+    names, controllers = ("jr700", "jr700", "jr700", "blade360"), attitude_controllers(jr700)
     with pytest.warns(UserWarning, match="gravity"):
-        model = scene("jr700", "blade360").compile()
-    data = mujoco.MjData(model)
-    ends = []
-    for k, vehicle in enumerate(vehicles):
-        single = mujoco.MjModel.from_xml_path(
-            str(model_folder(vehicle.name) / f"{vehicle.name}.xml")
-        )
-        single.opt.gravity = model.opt.gravity  # the Blade's own has another g
-        own, where = addresses(single), addresses(model, f"{k}/")
-        numbers = vehicle.model.actuator_user[:, : len(PARAM)]
-        for one, first in ((single, own.rotor - 8), (model, where.rotor - 8)):
-            one.actuator_user[first : first + 9, : len(PARAM)] = numbers
-        alone = mujoco.MjData(single)
-        place(single, alone, vehicle.trim)
-        alone.ctrl[own.control + 1 : own.control + 4] = [0.05, -0.03, 0.02]
-        data.qpos[7 * k : 7 * k + 7] = alone.qpos
-        data.act[where.state : where.state + alone.act.size] = alone.act
-        data.ctrl[where.control : where.control + 9] = alone.ctrl
+        model = scene(*names).compile()
+    data, ends = mujoco.MjData(model), []
+    for k, name in enumerate(names):
+        alone = mujoco.MjModel.from_xml_path(str(model_folder(name) / f"{name}.xml"))
+        alone.opt.gravity = model.opt.gravity  # the Blade's own has another g
+        if k < 3:
+            for one, prefix in ((alone, ""), (model, f"{k}/")):
+                hs.set_controller(one, (*controllers, None)[k], prefix=prefix)
+        own, where, end = addresses(alone), addresses(model, f"{k}/"), mujoco.MjData(alone)
+        place(alone, end, hs.load(name).trim)
+        end.ctrl[own.control + 1 : own.control + 4] = [0.05, -0.03, 0.02]
+        data.qpos[7 * k : 7 * k + 7] = end.qpos
+        data.act[where.state : where.state + alone.na] = end.act
+        data.ctrl[where.control : where.control + 9] = end.ctrl
         with hs.installed():
-            mujoco.mj_step(single, alone, 300)
-        ends.append((alone.qpos.copy(), alone.qvel.copy(), alone.act.copy()))
+            mujoco.mj_step(alone, end, 300)
+        ends.append(end)
     with hs.installed():
         mujoco.mj_step(model, data, 300)
-    for k, (qpos, qvel, act) in enumerate(ends):
+    for k, end in enumerate(ends):
         first = addresses(model, f"{k}/").state
-        assert np.array_equal(data.qpos[7 * k : 7 * k + 7], qpos)
-        assert np.array_equal(data.qvel[6 * k : 6 * k + 6], qvel)
-        assert np.array_equal(data.act[first : first + act.size], act)
+        assert np.array_equal(data.qpos[7 * k : 7 * k + 7], end.qpos)
+        assert np.array_equal(data.qvel[6 * k : 6 * k + 6], end.qvel)
+        assert np.array_equal(data.act[first : first + end.act.size], end.act)
+    assert len({end.qpos.tobytes() for end in ends}) == 3  # python and njit are the same
 
 
 def test_a_scene_that_has_no_room_for_a_vehicles_numbers_is_refused():

@@ -22,9 +22,8 @@ pytestmark = pytest.mark.slow
 
 def run(command: list[str | Path], cwd: Path) -> str:
     environment = {key: text for key, text in os.environ.items() if key != "PYTHONPATH"}
-    done = subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    asked = {"capture_output": True, "text": True, "check": False}
+    done = subprocess.run(command, cwd=cwd, env=environment, **asked)
     assert done.returncode == 0, f"{command} failed:\n{done.stdout}\n{done.stderr}"
     return done.stdout
 

@@ -2,11 +2,11 @@
 
 import re
 import runpy
-import subprocess
 import sys
 
 import pytest
 
+from command import python
 from script import SCRIPTS
 
 
@@ -33,10 +33,7 @@ def test_proofs_and_benchmarks_find_what_they_import():
         "    sys.path[0] = path.rpartition('/')[0]\n"
         "    runpy.run_path(path, run_name='loaded')\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, *paths], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert python(code, *paths) == ""
 
 
 @pytest.mark.slow
@@ -76,7 +73,7 @@ def test_an_agent_of_a_few_lines_flies(run):
 def test_stock_mujoco_flies_the_shipped_models(run, vehicle):
     printed = run("stock_mujoco.py", vehicle)
     off = re.search(rf"{vehicle}: (\S+) m off after 10 s of hover", printed)
-    assert float(off[1]) < 1e-7  # as in tests/models/test_stock_flight.py
+    assert float(off[1]) < 1e-7  # as in tests/models/test_mjcf.py
     assert float(re.search(r"rolls with (\S+) rad/s", printed)[1]) > 0.2
     assert f"a/{vehicle}, b/{vehicle}, c/{vehicle}" in printed
     one, two, three = map(float, printed.splitlines()[-1].split(":")[1].split(","))
@@ -86,7 +83,6 @@ def test_stock_mujoco_flies_the_shipped_models(run, vehicle):
 
 @pytest.mark.study
 def test_a_program_flies_by_hand(run, tmp_path):
-    """Its pedals show the yaw; its landing is one."""
     printed = run("fly_by_hand.py", "hand.parquet")
     assert "hand.parquet, 90.0 s, flown with a program" in printed
     assert float(printed.split("r / PED: ")[1].split()[0]) > 0.9

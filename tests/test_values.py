@@ -22,6 +22,7 @@ from helisim.look.systemid import Inferred, InferredFit, InferredLog, TakenChann
 from helisim.sitl.parameters import Setting
 from helisim.study.results import Run
 from made_run import make_flight, make_model, write_run
+from small_laws import HOLDS
 
 LONGEST = 400
 """Characters of a `repr`: five lines of a terminal."""
@@ -37,15 +38,9 @@ def make_design(law):
     """Return a design of one specification that left a law as it was."""
     spec = hs.standard("margins", axes=("lat",))[1]
     rating = spec.criterion.rated({"gain_margin": 9.0, "phase_margin": 1.0, "crossover": 12.0})
-    return hs.DesignResult(
-        before=law,
-        law=law,
-        judged=(Judged(spec, None, rating, rating, 1.0),),
-        margin=0.1,
-        share=1.0,
-        drawn=200,
-        provenance={"seed": 1},
-    )
+    judged = (Judged(spec, None, rating, rating, 1.0),)
+    told = {"margin": 0.1, "share": 1.0, "drawn": 200, "provenance": {"seed": 1}}
+    return hs.DesignResult(before=law, law=law, judged=judged, **told)
 
 
 def make_inferred():
@@ -60,105 +55,50 @@ def make_inferred():
 
 @pytest.fixture(scope="module")
 def values(jr700, tmp_path_factory):
-    """An instance of each public class, and of what public functions return, by its name."""
-    folder = tmp_path_factory.mktemp("run")
+    """Return an instance of each public class, and of what public functions return."""
     item = make_model("rollpitch_in1", verified=True)
-    results = write_run(folder)
-    record = make_flight(seed=3)
-    sweep = hs.Sweep(axis="lat", band=(1.0, 20.0))
+    results = write_run(tmp_path_factory.mktemp("run"))
+    record, fit, roll = make_flight(seed=3), item.fit, hs.structures.rollpitch
     plan = hs.FlightPlan(
-        excitation=sweep,
+        excitation=hs.Sweep(axis="lat", band=(1.0, 20.0)),
         pilot=hs.Pilot(remnant=0.0),
         recorder=hs.Recorder.of(jr700),
         weather=hs.Weather(gust=hs.Gust(north=1.0)),
         ground=hs.Ground(deck=hs.Deck(heave=hs.Swing(amplitude=0.3))),
         faults=(hs.ServoStuck(servo="servo_tail", at=30.0),),
     )
-    fit = item.fit
+    parts = (hs.Step(axis="lat"), hs.Step(axis="lon"))
     history = hs.History.of([0.0, 2.0], [0.0, 0.1], axis="lat")
+    rates, matrices = hs.RateCommand.of(jr700), {"a": [[0.5]], "b": [[1.0]], "c": [[0.1]] * 4}
     cut = hs.Cut("roll", "sensors", "phi_disturbance", "phi_sum")
     driven = Driven("phi_disturbance", ("phi_sum",), [1.0, 2.0], [[0.1, 1.0j]], 0.01 * np.eye(2))
-    return {
-        "Vehicle": jr700,
-        "Linearization": jr700.linearize(),
-        "sampled Linearization": jr700.linearize("IN2"),
-        "Parameters": jr700.parameters,
-        "Trim": jr700.trim,
-        "FlightPlan": plan,
-        "Sweep": sweep,
-        "Mission": hs.missions.Forward(speed=20.0),
-        "Doublet": hs.Doublet(axis="ped"),
-        "ThreeTwoOneOne": hs.ThreeTwoOneOne(axis="lon"),
-        "Step": hs.Step(axis="lat"),
-        "Pulse": hs.Pulse(axis="lat"),
-        "Chirp": hs.Chirp(axis="r", at="sensors", amplitude=0.1, band=(1.0, 20.0)),
-        "Multisine": hs.Multisine(amplitude=0.03, band=(1.0, 20.0)),
-        "History": history,
-        "Sequence": hs.Sequence(parts=(hs.Step(axis="lat"), hs.Step(axis="lon"))),
-        "Together": hs.Together(parts=(hs.Step(axis="lat"), hs.Step(axis="lon"))),
-        "plan of a History": hs.FlightPlan(excitation=history),
-        "Pilot": plan.pilot,
-        "Recorder": plan.recorder,
-        "default Recorder": hs.Recorder(),
-        "Controller": hs.Controller(tail=lagging_yaw, states=1),
-        "Law": hs.laws.AttitudeCommand(
-            lat=hs.laws.AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05),
-            lon=hs.laws.AttitudeAxis(stick=0.6, frequency=6.0, k_angle=1.0, k_rate=0.1),
-            ped=hs.laws.YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2),
-        ),
-        "RateCommand": hs.RateCommand.of(jr700),
-        "Controller of a law": hs.RateCommand.of(jr700).on(jr700),
-        "Seen": hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
-        "ProofPlan": hs.ProofPlan(repeats=2),
-        "Weather": plan.weather,
-        "Gust": plan.weather.gust,
-        "Ground": plan.ground,
-        "Deck": plan.ground.deck,
-        "Swing": plan.ground.deck.heave,
-        "FlightEnvelope": plan.envelope,
-        "ServoStuck": plan.faults[0],
-        "SampleLoss": hs.SampleLoss(share=0.1),
-        "RecordGap": hs.RecordGap(at=3.0, lasts=1.0),
-        "FlightRecord": record,
-        "Example": hs.examples()["logger"],
-        "Log": hs.screen(record),
-        "LogReport": hs.screen(record).report,
-        "Inferred": make_inferred(),
-        "FrequencyResponse": fit.data,
-        "Structure": hs.structures.rollpitch,
-        "Parameter": hs.structures.rollpitch.parameters[0],
-        "Fit": fit,
-        "FittedParameter": fit["L_b"],
-        "Misfit": fit.misfit,
-        "Modes": fit.modes,
-        "Mode": fit.modes.poles[0],
-        "Verification": item.verification,
-        "VerificationFigures": item.verification.figures,
-        "Trace": item.verification.traces[0],
-        "Cut": cut,
-        "MeasuredMargins": hs.MeasuredMargins(
-            MeasuredLoop((driven,), (cut,)),
-            (MeasuredFigure("DRP", "lat", "sensors", "dB", Interval(3.0, 2.5, 3.5)),),
-            ("short",),
-        ),
-        "Plant": hs.Plant((fit,), late={"p": 0.0035}),
-        "DesignResult": make_design(hs.RateCommand.of(jr700)),
-        "Tracked": hs.Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0),
-        "LqgWeights": hs.LqgWeights(effort={"lat": 0.1}),
-        "StateSpaceLaw": hs.StateSpaceLaw(
-            period=0.002, inputs=("p",), a=[[0.5]], b=[[1.0]], c=[[0.1]] * 4, d=[[0.2]] * 4
-        ),
-        "ArduPilotModel": hs.ArduPilotModel({"Nr": -2.0, "Nped": 63.0}),
-        "AutopilotParameters": hs.AutopilotParameters(
-            "jr700", {"hover": (Setting("H_COL_HOVER", 0.5),)}
-        ),
-        "IdentifiedModel": item,
-        "Results": results,
-        "Spec": hs.standard("disturbance_rejection", scale=10.7)[0],
-        "Criterion": hs.criteria.AttitudeQuickness(axis="lat"),
-        "Rating": hs.criteria.Damping().rated({"damping": 0.5, "frequency": 7.0}),
-        "Run": Run(results, (item,), {"lat": (record,)}),
-    }
+    figure = MeasuredFigure("DRP", "lat", "sensors", "dB", Interval(3.0, 2.5, 3.5))
+    return (
+        *(jr700, jr700.linearize(), jr700.linearize("IN2"), jr700.parameters, jr700.trim),
+        *(plan, plan.excitation, plan.pilot, plan.recorder, plan.weather, plan.weather.gust),
+        *(plan.ground, plan.ground.deck, plan.ground.deck.heave, plan.envelope, plan.faults[0]),
+        *(hs.missions.Forward(speed=20.0), hs.Doublet(axis="ped"), hs.ThreeTwoOneOne(axis="lon")),
+        *(parts[0], hs.Pulse(axis="lat"), hs.Multisine(amplitude=0.03, band=(1.0, 20.0))),
+        hs.Chirp(axis="r", at="sensors", amplitude=0.1, band=(1.0, 20.0)),
+        *(hs.Sequence(parts=parts), hs.Together(parts=parts), history),
+        *(hs.FlightPlan(excitation=history), hs.Recorder(), hs.ProofPlan(repeats=2)),
+        *(hs.Controller(tail=lagging_yaw, states=1), HOLDS, rates, rates.on(jr700)),
+        hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
+        hs.StateSpaceLaw(period=0.002, inputs=("p",), **matrices, d=[[0.2]] * 4),
+        *(hs.SampleLoss(share=0.1), hs.RecordGap(at=3.0, lasts=1.0), hs.examples()["logger"]),
+        *(record, hs.screen(record), hs.screen(record).report, make_inferred()),
+        *(roll, roll.parameters[0], fit, fit.data, fit["L_b"], fit.misfit, fit.modes),
+        *(fit.modes.poles[0], item, item.verification, item.verification.figures),
+        *(item.verification.traces[0], results, Run(results, (item,), {"lat": (record,)})),
+        *(cut, hs.MeasuredMargins(MeasuredLoop((driven,), (cut,)), (figure,), ("short",))),
+        *(hs.Plant((fit,), late={"p": 0.0035}), make_design(rates)),
+        hs.Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0),
+        *(hs.LqgWeights(effort={"lat": 0.1}), hs.ArduPilotModel({"Nr": -2.0, "Nped": 63.0})),
+        hs.AutopilotParameters("jr700", {"hover": (Setting("H_COL_HOVER", 0.5),)}),
+        hs.standard("disturbance_rejection", scale=10.7)[0],
+        hs.criteria.AttitudeQuickness(axis="lat"),
+        hs.criteria.Damping().rated({"damping": 0.5, "frequency": 7.0}),
+    )
 
 
 ABSTRACT = {"Excitation"}
@@ -167,23 +107,18 @@ NO_VALUE = {"HandFlight", "DataFlash"}
 """Public classes whose instances go on, or read a file."""
 
 
-def test_every_public_class_is_looked_at(values):
+def test_every_public_class_has_a_short_repr_and_copies_that_are_the_same(values):
     classes = {name for name in hs.__all__ if inspect.isclass(getattr(hs, name))}
-    kinds = {kind.__name__ for one in values.values() for kind in type(one).__mro__}
+    kinds = {kind.__name__ for one in values for kind in type(one).__mro__}
     assert classes - kinds - ABSTRACT - NO_VALUE == set()
-
-
-def test_a_repr_is_short_and_says_no_address(values):
-    for value in values.values():
+    for value in values:
         text = repr(value)
         assert len(text) <= LONGEST, text
         assert "\n" not in text
         assert not re.search(r" at 0x|object at|array\(", text), text
         assert type(value).__name__.split("_")[0] in text
-
-
-def test_a_copy_is_the_same_value(values):
-    for name, value in values.items():
+    for value in values:
+        name = type(value).__name__
         other = pickle.loads(pickle.dumps(value))
         assert type(other) is type(value), name
         assert other == value, name
@@ -220,14 +155,15 @@ def returned(value):
 
 def test_values_pass_to_other_processes_and_back(values):
     """By spawn, where nothing is inherited: all of them at once."""
-    given = list(values.values())
+    given = list(values)
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         for value, (text, back) in zip(given, pool.map(returned, given)):
             assert text == repr(value)
             assert back == value
 
 
-def test_records_differ_where_a_number_a_name_or_an_origin_does():
+def test_records_and_vehicles_differ_where_a_number_a_name_or_an_origin_does(jr700):
+    """A vehicle that is loaded twice is one; with another setting, parameter or speed another."""
     record = make_flight(("p", "q"), seed=3)
     other = np.array(record.values)
     other[7, 1] += 1e-12
@@ -241,10 +177,6 @@ def test_records_differ_where_a_number_a_name_or_an_origin_does():
     assert len({record, *changed}) == 5
     assert record != "record"
     assert record.__eq__("record") is NotImplemented
-
-
-def test_vehicles_are_equal_by_parameters_and_flight(jr700):
-    """Loaded twice it is one; with another setting, parameter or speed another."""
     again = hs.load("jr700")
     assert again == jr700
     assert {again: 1}[jr700] == 1
@@ -254,8 +186,8 @@ def test_vehicles_are_equal_by_parameters_and_flight(jr700):
     assert jr700.linearize() == again.linearize()
 
 
-def test_a_frozen_map_is_a_mapping_that_cannot_be_changed():
-    """Equal to a dict of the same items, in its order; equal ones have one hash."""
+def test_a_frozen_map_cannot_be_changed_and_arrays_are_the_same_by_their_numbers():
+    """A map is equal to a dict of its items; NaN in one place is NaN; minus zero is zero."""
     given = {"b": 1, "a": [1, {"x": float("nan")}]}
     frozen = FrozenMap(given)
     assert frozen == {"a": given["a"], "b": 1.0}
@@ -267,10 +199,6 @@ def test_a_frozen_map_is_a_mapping_that_cannot_be_changed():
     assert (other, hash(other)) == (frozen, hash(frozen))
     given["b"] = 2
     assert frozen["b"] == 1
-
-
-def test_arrays_are_the_same_by_shape_and_numbers():
-    """NaN in one place is NaN; minus zero is zero."""
     assert same(np.array([np.nan, -0.0]), np.array([np.nan, 0.0]))
     assert not same(np.zeros(3), np.zeros((3, 1)))
     assert not same(np.zeros(3), [0.0, 0.0, 0.0])

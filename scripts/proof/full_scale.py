@@ -87,11 +87,7 @@ class FullScale:
 LYNX = from_plain(FullScale, read_toml(Path(__file__).with_name("lynx.toml")), "lynx.toml")
 CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
 SMALL = 0.05  # Share of an axis's largest effect below which a difference is nobody's matter.
-PUSH = {
-    **dict.fromkeys("uvw", 1.0),
-    **dict.fromkeys("pqr", 0.1),
-    **dict.fromkeys(INPUTS, 0.01),
-}
+PUSH = {**dict.fromkeys("uvw", 1.0), **dict.fromkeys("pqr", 0.1), **dict.fromkeys(INPUTS, 0.01)}
 """m/s, rad/s and rad whose effects on an axis are compared with each other."""
 HALF_A_DEGREE = np.radians(0.5)  # Of an angle: what a protractor on a blade tells.
 MASS = 4313.7  # kg, of both prints' helicopter.

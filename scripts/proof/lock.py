@@ -141,9 +141,7 @@ HOLD: dict[str, Any] = {
     "lon": dict(zip(_GAINS, (0.6, 6.0, 1.0, 0.1, 0.3))) | {"ff_rate": 0.1},
     "ped": dict(zip(_GAINS, (3.0, 8.0, 1.0, 0.2, 0.5))),
 }
-HOLD["lat"]["filters"] = [
-    {"kind": "lead", "zero": 12.0, "pole": 140.0},
-]
+HOLD["lat"]["filters"] = [{"kind": "lead", "zero": 12.0, "pole": 140.0}]
 
 
 def state_space() -> hs.StateSpaceLaw:
@@ -508,10 +506,8 @@ def reproduce() -> dict[str, Case]:
         results = run.results.to_dict()
         tables = {one.pop("name"): digest(one) for one in results.pop("tables")}
         fits = {one.name: digest(fitted(one.fit)) for one in run.models}
-        kept = {
-            axis: [digest(one.time, one.values) for one in run.flights[axis]]
-            for axis in run.flights
-        }
+        flown = run.flights.items()
+        kept = {axis: [digest(one.time, one.values) for one in each] for axis, each in flown}
         rest = {name: digest(one) for name, one in results.items() if name != "versions"}
         return {"tables": tables, "fits": fits, "flights": kept, **rest}
 

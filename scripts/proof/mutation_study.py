@@ -34,12 +34,8 @@ from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-AREAS = {
-    "physics": ("physics",),
-    "ident": ("ident",),
-    "control": ("handling", "design"),
-    "logs": ("logs",),
-}
+AREAS = {name: (name,) for name in ("physics", "ident", "logs")}
+AREAS["control"] = ("handling", "design")
 """The packages of each area."""
 TESTS = {
     "physics": (
@@ -121,9 +117,8 @@ def mutants(path: Path, name: str) -> Iterator[tuple[object, Mutant]]:
     for operator in operator_names():
         if operator in SKIPPED or get_operator(operator).arguments():
             continue
-        positions = [
-            at for node in nodes for at in get_operator(operator)().mutation_positions(node)
-        ]
+        changes = get_operator(operator)()
+        positions = [at for node in nodes for at in changes.mutation_positions(node)]
         for occurrence, (start, end) in enumerate(positions):
             marker = lines[start[0] - 1][start[1] :].startswith("*,")  # keywords follow
             unseen = any(low <= start and end <= high for low, high in hidden)

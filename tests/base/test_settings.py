@@ -14,17 +14,7 @@ from numpy.typing import NDArray
 
 from helisim.base import settings
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.base.settings import (
-    FrozenMap,
-    Inline,
-    Value,
-    check,
-    from_plain,
-    parse_notation,
-    setting,
-    to_plain,
-    toml_text,
-)
+from helisim.base.settings import FrozenMap, Inline, Value, check, from_plain, setting
 
 PARTS: dict[str, type] = {}
 
@@ -106,7 +96,6 @@ FULL = Plan(
 
 
 def test_the_example_of_the_module_runs():
-    """It is what a reader copies."""
     assert doctest.testmod(settings).failed == 0
 
 
@@ -115,9 +104,9 @@ def test_the_example_of_the_module_runs():
 def test_it_comes_back_from_files(plan, way):
     """Equal, of the same types, with kinds where a field may hold several."""
     if way == "json":
-        data = json.loads(json.dumps(to_plain(plan), allow_nan=False))
+        data = json.loads(json.dumps(settings.to_plain(plan), allow_nan=False))
     else:
-        data = tomllib.loads(toml_text(to_plain(plan, toml=True)))
+        data = tomllib.loads(settings.toml_text(settings.to_plain(plan, toml=True)))
     again = from_plain(Plan, data, "plan")
     assert again == plan
     assert isinstance(again.noise, FrozenMap)
@@ -154,7 +143,6 @@ REFUSED = [
 
 @pytest.mark.parametrize(("data", "message"), REFUSED, ids=lambda one: str(one)[:40])
 def test_what_can_not_be_is_refused_with_its_place(data, message):
-    """What was received and what is expected, in few words."""
     with pytest.raises(InputError) as caught:
         from_plain(Plan, data, "plan")
     assert message in str(caught.value)
@@ -165,13 +153,11 @@ def test_what_can_not_be_is_refused_with_its_place(data, message):
     "given", [{"number": -1}, {"pair": [1.0, np.inf]}, {"part": 3}, {"count": 2.5}]
 )
 def test_python_is_checked_as_files_are(given):
-    """The class is the place."""
     with pytest.raises(InputError, match=f"Plan.{next(iter(given))}"):
         Plan(**given)
 
 
 def test_numpy_becomes_pythons_own():
-    """A record holds them, and equal settings are equal."""
     plan = Plan(number=np.float64(2.0), count=np.int64(2), pair=np.array([1.0, 3.0]))
     assert type(plan.number) is float
     assert type(plan.count) is int
@@ -186,8 +172,6 @@ def test_what_another_version_wrote_is_passed_over():
 
 
 def test_what_an_object_refuses_has_the_place():
-    """The error stays of its class."""
-
     @dataclass(frozen=True)
     class Needs:
         axis: str
@@ -213,9 +197,8 @@ class Curve(Value):
 
 
 def test_arrays_come_back_read_only():
-    """Complex ones as real and imaginary parts."""
     curve = Curve([0.0, 1.0], np.array([1.0 + 2.0j, complex(-0.0, -0.0)]))
-    again = from_plain(Curve, json.loads(json.dumps(to_plain(curve))), "curve")
+    again = from_plain(Curve, json.loads(json.dumps(settings.to_plain(curve))), "curve")
     assert again == curve
     assert np.signbit([again.gain[1].real, again.gain[1].imag]).all()
     assert not again.time.flags.writeable
@@ -223,34 +206,23 @@ def test_arrays_come_back_read_only():
 
 @pytest.mark.parametrize("time", [[math.nan], ["1"], [True], [[1.0], [1.0, 2.0]], {"real": 1}, "x"])
 def test_an_array_holds_finite_numbers(time):
-    """Whatever a file has in its place."""
     with pytest.raises(InputError, match=r"curve\.time"):
         from_plain(Curve, {"time": time}, "curve")
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("step", Step()),
-        ("Step,at=3,size=off", Step(at=3.0, size=None)),
-        ("both,at=2.5", Both(at=2.5)),
-    ],
-)
-def test_a_notation_is_read(text, value):
-    """Kinds in any case; what is left out is the default."""
-    assert parse_notation(text, PARTS) == value
-
-
-def test_a_notation_reaches_into_settings():
-    """By dotted names, lists with a colon or a plus."""
+def test_a_notation_is_read():
+    """Kinds in any case; what is left out is the default; dotted names reach into settings."""
+    assert settings.parse_notation("step", PARTS) == Step()
+    assert settings.parse_notation("Step,at=3,size=off", PARTS) == Step(at=3.0, size=None)
+    assert settings.parse_notation("both,at=2.5", PARTS) == Both(at=2.5)
     text = "plan,gust.down=2,pair=3:42,names=p+q,noise.p=0.1,flag=no,level=severe,count=2"
-    plan = parse_notation(text, {"Plan": Plan})
+    plan = settings.parse_notation(text, {"Plan": Plan})
     assert plan == Plan(
         gust=Gust(down=2.0), pair=(3.0, 42.0), names=("p", "q"), noise={"p": 0.1}, flag=False,
         level="severe", count=2,
     )  # fmt: skip
-    assert parse_notation("plan,level=20", {"Plan": Plan}).level == 20.0
-    assert parse_notation("step", PARTS, given={"at": 2.0}) == Step(at=2.0)
+    assert settings.parse_notation("plan,level=20", {"Plan": Plan}).level == 20.0
+    assert settings.parse_notation("step", PARTS, given={"at": 2.0}) == Step(at=2.0)
 
 
 @pytest.mark.parametrize(
@@ -259,19 +231,17 @@ def test_a_notation_reaches_into_settings():
      "plan,gust.riser=1", "plan,gust=1,gust.down=2", "", ",", "step,=1"],
 )  # fmt: skip
 def test_a_wrong_notation_is_refused(text):
-    """With a message, not with a traceback."""
     with pytest.raises(InputError):
-        parse_notation(text, {**PARTS, "Plan": Plan})
+        settings.parse_notation(text, {**PARTS, "Plan": Plan})
 
 
 def test_toml_has_tables_in_lines_lists_and_comments():
-    """As laws, structures and parameter files are written."""
     data: dict[str, Any] = {
         "name": "x",
         "F": {"p": Inline(q="L_b", r=1.0)},
         "lat": {"filters": [Inline(kind="lag")], "list": [[1.0], [2.0]]},
     }
-    text = toml_text(data)
+    text = settings.toml_text(data)
     assert text == (
         'name = "x"\n\n[F]\np = { q = "L_b", r = 1.0 }\n\n[lat]\n'
         'filters = [\n    { kind = "lag" },\n]\nlist = [\n    [1.0],\n    [2.0],\n]\n'
@@ -280,12 +250,10 @@ def test_toml_has_tables_in_lines_lists_and_comments():
 
 
 def test_a_users_class_needs_no_settings():
-    """An ordinary frozen dataclass is read as it is."""
-
     @dataclass(frozen=True)
     class Own:
         size: float
         twice: Any = None
 
     assert from_plain(Own, {"size": 2.0}, "own") == Own(2.0)
-    assert to_plain(Own(2.0), kind=True) == {"kind": "Own", "size": 2.0, "twice": None}
+    assert settings.to_plain(Own(2.0), kind=True) == {"kind": "Own", "size": 2.0, "twice": None}

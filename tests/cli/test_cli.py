@@ -65,7 +65,7 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "results.json").exists()
 
 
-def test_it_writes_the_file(tmp_path, capsys):
+def test_what_ardupilot_reads_of_a_model_and_of_a_vehicle_is_written(tmp_path, capsys):
     """Half the pedal's travel is ArduPilot's 1, and the recorder's latency is none of the delay."""
     model, out = tmp_path / "yaw.json", tmp_path / "heli.json"
     found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(model)
@@ -78,9 +78,6 @@ def test_it_writes_the_file(tmp_path, capsys):
     assert values["Nped"] == pytest.approx(30.0)
     assert values["time_delay_ped"] == 10.0
     assert values["nominal_rpm"] == pytest.approx(1700.0)
-
-
-def test_it_prints_the_derivation_and_writes_the_file(tmp_path, capsys):
     path = tmp_path / "jr700.parm"
     assert main(["parm", "jr700", "--out", str(path), "--quiet"]) == 0
     shown = capsys.readouterr().out
@@ -95,7 +92,7 @@ def record():
     return flown(known_loop(), seed=3, noise=0.02)
 
 
-def test_a_record_needs_no_option(record, tmp_path, capsys):
+def test_margins_need_no_option_of_a_record_and_names_of_other_columns(record, tmp_path, capsys):
     """The table has the three figures of the loop; so has the JSON, with intervals."""
     path, out = tmp_path / "loop.parquet", tmp_path / "found.json"
     write_record(record, path)
@@ -106,9 +103,6 @@ def test_a_record_needs_no_option(record, tmp_path, capsys):
     figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
     assert figures["phase_margin"]["low"] < 51.4 < figures["phase_margin"]["high"]  # the loop's own
     assert figures["phase_margin"]["unit"] == "deg"
-
-
-def test_columns_of_ones_own_are_named(record, tmp_path, capsys):
     path, out = tmp_path / "own.csv", tmp_path / "found.json"
     table = np.column_stack([1e3 * record.time, record.values[:, 0], -record.values[:, 1]])
     np.savetxt(path, table, delimiter=",", header="t,dither,mixer", comments="")

@@ -9,68 +9,14 @@ import pytest
 from command import fails
 from helisim.cli import main
 from helisim.ident import load_fit, structures
-from swept_logs import csv_writer, flown, same_within_errors, write_clean, write_foreign
+from swept_logs import BAD, csv_writer, flown, same_within_errors, write_clean, write_foreign
 
 ROLLPITCH = plants.ROLLPITCH_IN1
-RESAMPLE = ["--resample", "50"]
 
 
 @pytest.fixture
 def sweep_csv(tmp_path):
     return csv_writer(tmp_path)
-
-
-def empty(column, rows_of=lambda k: True):
-    """Return a change that empties a column where `rows_of` holds."""
-
-    def change(rows):
-        for k, row in enumerate(rows):
-            row[column] = "" if rows_of(k) else row[column]
-        return rows
-
-    return change
-
-
-HOLES = empty(2, lambda k: k % 10 == 4)
-
-
-def constant(rows):
-    return [[time, "0.25", w] for time, _, w in rows]
-
-
-def twice(rows):
-    return [*rows[:50], rows[49], *rows[50:]]
-
-
-def again(rows):
-    return rows[:1000] + rows[:2000]
-
-
-def gaps(rows):
-    return [row for k, row in enumerate(rows) if k % 500 not in range(400, 450)]
-
-
-@pytest.mark.parametrize(
-    ("change", "header", "says"),
-    [
-        (None, "t [s],stick [1],w [m/s]", ["bad.csv", "'col'", "'stick [1]'", "--channel"]),
-        (None, "t [s],col,w [m/s]", ["bad.csv", "'col'", "unit"]),
-        (empty(2), None, ["bad.csv, column 'w [m/s]', lines 2 to 3001", "no number"]),
-        (empty(0, lambda k: k == 7), None, ["bad.csv, line 9, column 't [s]'", "no time"]),
-        (HOLES, None, ["bad.csv, line 6, column 'w [m/s]'", "300 of 3000", "'missing'"]),
-        (constant, None, ["bad.csv, column 'col [1]', lines 2 to 3001", "constant"]),
-        (again, None, ["bad.csv, line 1002, column 't [s]'", "goes back", "'resets'"]),
-        (twice, None, ["bad.csv, line 52, column 't [s]'", "same time", "'duplicates'"]),
-        (gaps, None, ["bad.csv, line 402, column 't [s]'", "gap", "10 %", "'gaps'"]),
-    ],
-)
-def test_a_bad_log_is_one_line_with_its_place(sweep_csv, capsys, change, header, says):
-    path = sweep_csv(change or (lambda rows: rows), header or "t [s],col [1],w [m/s]")
-    out = path.with_suffix(".json")
-    message = fails(capsys, "identify", path, "--structure", "heave", "--json", out, *RESAMPLE)
-    for text in says:
-        assert text in message
-    assert not out.exists()
 
 
 def test_uneven_samples_are_refused_until_resampled(sweep_csv, capsys):
@@ -97,8 +43,8 @@ def test_inputs_that_move_as_one_are_refused(tmp_path, capsys):
 
 def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
     """A line each, with file, row and option; nothing is written."""
-    holes = sweep_csv(HOLES, name="holes.csv")
-    dead = sweep_csv(twice, name="repeats.csv")
+    holes = sweep_csv(BAD["holes"], name="holes.csv")
+    dead = sweep_csv(BAD["twice"], name="repeats.csv")
     out = holes.with_suffix(".json")
     arguments = ["identify", str(holes), str(dead), "--structure", "heave", "--json", str(out)]
     assert main(arguments) == 2

@@ -3,15 +3,13 @@
 import csv
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import helisim
-from command import fails
+from command import fails, python
 from helisim.cli import main, parser
 from helisim.ident import Structure, load_fit, structures
 from helisim.logs import read_log
@@ -139,13 +137,8 @@ def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
     parquet = str(write_record(record, tmp_path / "sweep.parquet"))
     options = ["--structure", "tf:0/1", "--inputs", "col", "--outputs", "w", "--quiet"]
     for logs in ([log], [parquet], [log, "--resample", "40"]):
-        run = [
-            "import sys",
-            "from helisim.cli import main",
-            f"assert main({['identify', *logs, *options]!r}) == 0",
-            f"assert not {SLOW!r} & set(sys.modules), {SLOW!r} & set(sys.modules)",
-        ]
-        subprocess.run([sys.executable, "-c", "\n".join(run)], check=True)
+        run = f"from helisim.cli import main\nassert main({['identify', *logs, *options]!r}) == 0\n"
+        python(f"{run}import sys\nfound = {SLOW!r} & set(sys.modules)\nassert not found, found")
 
 
 @pytest.fixture(scope="module")
@@ -189,17 +182,13 @@ def fitted(tmp_path, logs, *options, structure):
     return load_fit(model)
 
 
-def test_the_estimator_is_the_users(tmp_path, swept):
-    """--estimator windows are CIFER's."""
+def test_estimator_and_bounds_are_the_users(tmp_path, swept):
+    """--bounds holds the fit, and opens a side that is left out; --start is within them."""
     out = tmp_path / "frf.json"
     signals = ["--inputs", "col", "--outputs", "w", "--band", "2", "20", "--quiet"]
     words = ["--estimator", "windows", "--json", str(out)]
     assert main(["frf", str(swept()), *signals, *words]) == 0
     assert json.loads(out.read_text())["response"]["estimator"] == "windows"
-
-
-def test_bounds_hold_a_parameter(tmp_path, swept):
-    """--bounds holds the fit, and opens a side that is left out; --start is within them."""
     path = swept()
     bounds = ["--bounds", "Z_w=-0.5:-0.4", "--start", "Z_w=-0.45"]
     held = fitted(tmp_path, [path], *bounds, structure="heave")

@@ -1,14 +1,12 @@
 """`helisim identify flight.bin`, and nothing else."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from command import fails
+from command import fails, python
 from helisim.cli import main
 from sid_logs import TRUTH, SidLog, four_axes
 
@@ -16,7 +14,7 @@ SHORT = {"length": 12.0, "low": 1.0}
 
 
 @pytest.mark.slow
-def test_a_log_alone_gives_its_models(tmp_path, capsys):
+def test_a_log_alone_gives_its_models_which_are_verified_on_another(tmp_path, capsys):
     path = four_axes(tmp_path / "flight.bin")
     out = tmp_path / "model.json"
     main(["identify", str(path), "--json", str(out), "--quiet"])
@@ -26,6 +24,15 @@ def test_a_log_alone_gives_its_models(tmp_path, capsys):
         model = json.loads((tmp_path / f"model-{name}.json").read_text())
         assert model["structure"]["name"] == name
     assert not out.exists()
+    first = SidLog().sweep(12, **SHORT).save(tmp_path)
+    log = SidLog().sweep(10, **SHORT).sweep(12, seed=3, noise=0.1, **SHORT)
+    second = log.save(tmp_path, "b.bin")
+    model = tmp_path / "yaw.json"
+    main(["identify", str(first), "--json", str(model), "--quiet"])
+    capsys.readouterr()
+    assert main(["verify", str(model), str(second), "--quiet"]) == 0
+    assert "r " in capsys.readouterr().out
+    assert main(["verify", str(model), str(first), "--quiet"]) == 2
 
 
 def test_options_overrule_what_the_log_says(tmp_path, capsys):
@@ -50,20 +57,6 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
     assert "choose one by --structure" in fails(capsys, "identify", path, "--fix", "N_r=-3")
 
 
-@pytest.mark.slow
-def test_a_model_is_verified_on_another_log_without_an_option(tmp_path, capsys):
-    """Of its sweeps those of the model's inputs; a log that it was fitted to is refused."""
-    first = SidLog().sweep(12, **SHORT).save(tmp_path)
-    log = SidLog().sweep(10, **SHORT).sweep(12, seed=3, noise=0.1, **SHORT)
-    second = log.save(tmp_path, "b.bin")
-    model = tmp_path / "yaw.json"
-    main(["identify", str(first), "--json", str(model), "--quiet"])
-    capsys.readouterr()
-    assert main(["verify", str(model), str(second), "--quiet"]) == 0
-    assert "r " in capsys.readouterr().out
-    assert main(["verify", str(model), str(first), "--quiet"]) == 2
-
-
 CODE = """
 import contextlib, io, sys, time
 from pathlib import Path
@@ -82,9 +75,8 @@ def test_ten_minutes_are_identified_within_ten_seconds_and_twice_the_logs_memory
     """Sweeps at 400 Hz between what an autopilot logs besides: 110 MB, 2 million messages."""
     log = SidLog(rate=400.0)
     count = 250_000
-    rows = np.zeros(
-        count, [("head", "u1", 3), ("us", "<u8"), ("numbers", "<f4", 10), ("flag", "u1")]
-    )
+    fields = [("head", "u1", 3), ("us", "<u8"), ("numbers", "<f4", 10), ("flag", "u1")]
+    rows = np.zeros(count, fields)
     rows["head"] = (0xA3, 0x95, 90)
     rows["us"] = 2500 * np.arange(count)
     rows["numbers"] = np.random.default_rng(1).normal(size=(count, 10)) * 20.0
@@ -98,10 +90,7 @@ def test_ten_minutes_are_identified_within_ten_seconds_and_twice_the_logs_memory
     path = log.save(tmp_path)
     size = path.stat().st_size
     assert size > 100e6
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, str(path)], capture_output=True, text=True, check=True
-    )
-    status, seconds, kilobytes, fitted = done.stdout.split()
+    status, seconds, kilobytes, fitted = python(CODE, path).split()
     assert (status, fitted) == ("0", "True")
     assert float(seconds) < 10.0
     assert 1024.0 * float(kilobytes) < 2.0 * size

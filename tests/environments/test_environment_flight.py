@@ -81,10 +81,8 @@ def test_motions_are_read_as_they_were_written(jr700):
     flapping = velocity + jr700.model.nv + addresses(jr700.model).state + STATE.flap_a
     found = Motions.read(np.array(states), velocity, flapping)
     expected = np.array([list(vars(motion).values()) for motion in motions]).T
-    np.testing.assert_allclose(found.body_velocity, expected[0:3], atol=1e-12)
-    np.testing.assert_allclose(found.rates, expected[3:6], atol=1e-12)
-    np.testing.assert_allclose(found.attitude, expected[6:9], atol=1e-12)
-    np.testing.assert_allclose(found.position, expected[9:12], atol=1e-12)
+    for k, name in enumerate(("body_velocity", "rates", "attitude", "position")):
+        np.testing.assert_allclose(getattr(found, name), expected[3 * k : 3 * k + 3], atol=1e-12)
     turns = Rotation.from_euler("ZYX", expected[8:5:-1].T)
     np.testing.assert_allclose(found.velocity.T, turns.apply(expected[0:3].T), atol=1e-12)
 
@@ -96,25 +94,12 @@ def test_a_hover_is_seen_as_its_table_says():
     seen, _ = env.reset(seed=0, options={"motion": start})
     values = {one.name: one.scale * value for one, value in zip(env.observations, seen)}
     trim = env._flights.vehicle.trim
-    assert values == pytest.approx(
-        {
-            "ahead": 0.0,  # heading east, 3 m north of the place: it is to the right
-            "right": 3.0,
-            "below": 1.0,
-            "heading_error_sine": -1.0,
-            "heading_error_cosine": 0.0,
-            "u": 0.5,
-            "v": 0.0,
-            "w": 0.0,
-            "phi": trim.phi,
-            "theta": trim.theta,
-            "p": 0.2,
-            "q": 0.0,
-            "r": 0.0,
-            **{f"action_{k}": 0.0 for k in range(4)},
-        },
-        abs=1e-6,  # of single precision
-    )
+    # heading east, 3 m north of the place: it is to the right
+    expected = {"ahead": 0.0, "right": 3.0, "below": 1.0, "u": 0.5, "v": 0.0, "w": 0.0}
+    expected |= {"heading_error_sine": -1.0, "heading_error_cosine": 0.0}
+    expected |= {"phi": trim.phi, "theta": trim.theta, "p": 0.2, "q": 0.0, "r": 0.0}
+    expected |= {f"action_{k}": 0.0 for k in range(4)}
+    assert values == pytest.approx(expected, abs=1e-6)  # of single precision
 
 
 def test_rewards_are_what_the_documentation_says():
@@ -161,7 +146,6 @@ def test_a_command_is_tracked_and_changes():
     ],
 )
 def test_an_episode_ends_at_each_limit(motion, limit):
-    """In the first step from a start beyond it; from less than half of it, it goes on."""
     env = single(weather=Weather(height=5.0))
     env.reset(seed=0, options={"motion": motion})
     _, _, terminated, _, info = env.step(np.zeros(4))
@@ -181,7 +165,8 @@ def test_a_state_that_breaks_ends_the_episode():
     assert 0.0 <= reward <= 1.0
 
 
-def test_parameters_are_spread_in_the_model(jr700):
+def test_parameters_are_spread_in_the_model_and_a_heavier_one_sinks(jr700):
+    """With a tenth more mass and the same thrust it starts to fall at g/11."""
     names = ("airframe.mass", "airframe.ixx", "airframe.izz", "air.density")
     env = single(spread=dict.fromkeys(names, 0.3))
     assert env.parameters == names
@@ -200,10 +185,6 @@ def test_parameters_are_spread_in_the_model(jr700):
         assert model.actuator_user[rotor, PARAM.air_density] == pytest.approx(density * 1.225)
     assert len(set(seen)) == 3
     assert np.all(np.abs(np.array(seen) - 1.0) <= 0.3)
-
-
-def test_a_heavier_helicopter_sinks_as_newton_says():
-    """With a tenth more mass and the same thrust it starts to fall at g/11."""
     env = single(spread={"airframe.mass": 0.3}, envelope=helisim.sim.FlightEnvelope.off())
     _, info = env.reset(seed=0, options=CALM)
     for _ in range(5):
@@ -213,7 +194,8 @@ def test_a_heavier_helicopter_sinks_as_newton_says():
     assert seen[7] == pytest.approx(0.1 * sinks, rel=0.08)
 
 
-def test_weather_is_drawn_for_each_episode():
+def test_weather_is_drawn_for_each_episode_and_steady_weather_trimmed_for():
+    """A headwind that never changes is part of the trim: the helicopter stays where it is."""
     env = single(weather=helisim.gym.WeatherRange(wind=6.0, turbulence=8.0, gust=4.0))
     winds = []
     for seed in range(20):
@@ -228,10 +210,6 @@ def test_weather_is_drawn_for_each_episode():
     assert speeds.max() <= 6.0
     assert speeds.std() > 0.5
     assert len({tuple(np.sign(wind)) for wind in winds}) == 4
-
-
-def test_steady_weather_is_trimmed_for():
-    """A headwind that never changes is part of the trim: the helicopter stays where it is."""
     env = single(weather=Weather(wind=5.0, height=15.0), start=helisim.gym.Start(position=0.0))
     _, info = env.reset(seed=0, options=CALM)
     np.testing.assert_allclose(info["wind"], [-5.0, 0.0], atol=1e-12)
@@ -265,10 +243,9 @@ class Counting:
 def test_a_controller_of_ones_own_flies_each_helicopter():
     """Each has a copy with a memory of its own; one that raises ends its own episode alone."""
     vehicle = load("jr700", integrator="Euler").with_controller(Counting())
-    settings = {"vehicle": vehicle, "weather": Weather()}
-    env = gymnasium.make_vec(
-        "helisim/Hover-v0", 3, vectorization_mode="vector_entry_point", threads=2, **settings
-    )
+    settings = {"vehicle": vehicle, "weather": Weather(), "threads": 2}
+    settings |= {"vectorization_mode": "vector_entry_point"}
+    env = gymnasium.make_vec("helisim/Hover-v0", 3, **settings)
     env.reset(seed=0, options=CALM)
     actions = np.zeros((3, 4))
     for _ in range(20):

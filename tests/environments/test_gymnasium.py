@@ -1,7 +1,5 @@
 """The environments keep to Gymnasium's rules, alone and many at once."""
 
-import subprocess
-import sys
 from unittest.mock import Mock
 
 import gymnasium
@@ -11,13 +9,12 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 import helisim.gym
+from command import python
 from helisim.base.errors import DisplayError, InputError, UnknownNameError
 from off_screen import draws
 
-ROUGH = {
-    "spread": helisim.gym.USUAL,
-    "weather": helisim.gym.WeatherRange(wind=4.0, turbulence=6.0, gust=3.0),
-}
+WINDY = helisim.gym.WeatherRange(wind=4.0, turbulence=6.0, gust=3.0)
+ROUGH = {"spread": helisim.gym.USUAL, "weather": WINDY}
 
 
 def vector(task="Hover", count=5, mode="vector_entry_point", **settings):
@@ -79,10 +76,8 @@ def test_no_graphics_before_the_first_picture(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "settings"),
-    [
-        pytest.param("Track", {}, id="track"),
-        pytest.param("Hover", {"action": "servos", **ROUGH}, id="rough"),
-    ],
+    [("Track", {}), ("Hover", {"action": "servos", **ROUGH})],
+    ids=["track", "rough"],
 )
 def test_one_of_many_is_the_one_alone(task, settings):
     modes = ("vector_entry_point", "sync")
@@ -110,7 +105,6 @@ def flown(**settings):
 
 
 def test_threads_change_nothing():
-    """One thread, two or three: the same bytes, and another seed's are others."""
     assert len({flown(threads=threads, **ROUGH) for threads in (1, 2, 3)}) == 1
 
 
@@ -126,8 +120,7 @@ def test_seeds_count_on_or_are_given():
             env.reset(**wrong)
 
 
-def test_an_ended_episode_starts_anew():
-    """In the next step; or before it, where a mask says so."""
+def test_an_ended_episode_starts_anew_also_when_out_of_time():
     crash, far = np.zeros((2, 4)), {"motion": {"north": 10.5}}
     env = vector(count=2)
     env.reset(seed=0, options=far)
@@ -150,9 +143,6 @@ def test_an_ended_episode_starts_anew():
     some.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(ResetNeeded):
         some.step(crash)
-
-
-def test_an_episode_is_out_of_time():
     env = vector(count=2, max_episode_steps=7)
     env.reset(seed=0)
     late = [env.step(np.zeros((2, 4)))[3].tolist() for _ in range(16)]
@@ -187,16 +177,19 @@ def test_a_wrong_setting_is_one_clear_line(settings, says):
 def test_a_wrong_action_or_option_is_one_clear_line():
     env = helisim.gym.HelicopterEnv()
     env.reset(seed=0)
-    with pytest.raises(InputError, match=r"actions must be \(1, 4\) numbers .*, got \(1, 3\)"):
-        env.step(np.zeros(3))
-    with pytest.raises(InputError, match="some of them nan"):
-        env.step(np.array([0.0, np.nan, 0.0, 0.0]))
-    with pytest.raises(UnknownNameError, match="unknown setting of reset 'state'"):
-        env.reset(options={"state": 1})
-    with pytest.raises(UnknownNameError, match=r"unknown setting of reset.motion 'x'"):
-        env.reset(options={"motion": {"x": 1.0}})
-    with pytest.raises(InputError, match=r"reset.command must be a list of 4 numbers"):
-        env.reset(options={"command": (1.0, 2.0)})
+    for action, says in (
+        (np.zeros(3), r"actions must be \(1, 4\) numbers .*, got \(1, 3\)"),
+        (np.array([0.0, np.nan, 0.0, 0.0]), "some of them nan"),
+    ):
+        with pytest.raises(InputError, match=says):
+            env.step(action)
+    for options, error, says in (
+        ({"state": 1}, UnknownNameError, "unknown setting of reset 'state'"),
+        ({"motion": {"x": 1.0}}, UnknownNameError, r"unknown setting of reset.motion 'x'"),
+        ({"command": (1.0, 2.0)}, InputError, r"reset.command must be a list of 4 numbers"),
+    ):
+        with pytest.raises(error, match=says):
+            env.reset(options=options)
     finer = helisim.load("jr700", timestep=0.0005)
     with pytest.raises(InputError, match="a multiple of 4, got 6"):
         helisim.gym.HelicopterEnv(vehicle=finer, frame_skip=6)
@@ -223,8 +216,7 @@ def test_a_wrong_action_or_option_is_one_clear_line():
 def test_an_import_registers_and_loads_nothing(code, printed):
     """In a fresh process, behind gymnasium's; neither needs the other."""
     code = f"import sys, gymnasium\nbefore = set(sys.modules)\nimport helisim\n{code}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, printed), done.stderr
+    assert python(code) == printed
 
 
 def test_a_task_of_ones_own_is_flown():

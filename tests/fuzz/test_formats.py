@@ -41,16 +41,6 @@ CAMPAIGN = {
 }
 
 
-def read_vehicle(path):
-    """Read a parameter file; its name may be anything too."""
-    return dict(read_parameters(path))
-
-
-def read_a_run(path):
-    """Read a run's results."""
-    return read_run(path.parent).results.to_dict()
-
-
 def read_a_log(path, column="gyro", map_=None):
     """Read a log with all repairs that change no meaning."""
     repair = sorted(set(REPAIRS) - {"resets"})
@@ -58,9 +48,9 @@ def read_a_log(path, column="gyro", map_=None):
     return [one.values for one in hs.read_log(path, channels=channels, repair=repair).records]
 
 
-def read_a_map(path):
-    """Read a map, and a sound log by it."""
-    return read_a_log(path.with_name("other.csv"), map_=Map.from_toml(path))
+def read_sweeps(path):
+    """Read the sweeps of a log of SystemID."""
+    return [record.values for log in infer(path).read() for record in log.records]
 
 
 def read_all_messages(path):
@@ -72,24 +62,19 @@ def read_all_messages(path):
     return [*log.parameters().values(), read_a_log(path, "IMU.GyrX")]
 
 
-def read_sweeps(path):
-    """Read the sweeps of a log of SystemID."""
-    return [record.values for log in infer(path).read() for record in log.records]
-
-
 READERS = {
     "record": ("record.parquet", hs.read_record),
     "csv": ("record.csv", hs.read_record),
     "fit": ("fit.json", hs.load_fit),
     "fits": ("fits.json", read_models),
-    "run": ("results.json", read_a_run),
+    "run": ("results.json", lambda path: read_run(path.parent).results.to_dict()),
     "plan": ("plan.toml", hs.read_plan),
     "campaign": ("campaign.toml", read_campaign),
     "structure": ("structure.toml", hs.Structure.from_toml),
     "specs": ("specs.toml", hs.read_specs),
     "law": ("law.toml", hs.read_law),
-    "vehicle": ("parameters.toml", read_vehicle),
-    "map": ("map.toml", read_a_map),
+    "vehicle": ("parameters.toml", lambda path: dict(read_parameters(path))),
+    "map": ("map.toml", lambda p: read_a_log(p.with_name("other.csv"), map_=Map.from_toml(p))),
     "table": ("other.csv", read_a_log),
     "columns": ("other.parquet", read_a_log),
     "dataflash": ("log.bin", read_all_messages),
@@ -238,10 +223,9 @@ def attempt(name, sound, folder, seed):
             return f"message: {str(error)!r}"
         return "" if lines else "an empty message"
     except Exception as error:
-        last = [
-            one for one in traceback.extract_tb(error.__traceback__) if "helisim" in one.filename
-        ]
-        return f"{last[-1].filename}:{last[-1].lineno}: {error!r:.200}"
+        stack = traceback.extract_tb(error.__traceback__)
+        last = [one for one in stack if "helisim" in one.filename][-1]
+        return f"{last.filename}:{last.lineno}: {error!r:.200}"
     return "NaN is taken" if "NaN" in json.dumps(to_plain(value), default=str) else ""
 
 
@@ -256,7 +240,6 @@ def test_a_spoiled_file_is_read_or_refused(name, seeds, sound, tmp_path):
 
 
 def test_a_long_name_is_no_traceback():
-    """Of a vehicle, a structure, a plan and a record."""
     long = "n" * 5000
     for read in (hs.load, hs.read_plan, hs.Structure.from_toml, hs.load_fit, hs.read_specs):
         with pytest.raises(HelisimError) as caught:

@@ -1,12 +1,16 @@
-"""A cockpit without a window: scripted keys and axes fly, record, crash and leave."""
+"""Keys and axes become sticks, which fly, record, crash and leave without a window."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from helisim.hand import HandFlight, Sticks
-from helisim.hand.sticks import Joystick
+from helisim.base.errors import InputError
+from helisim.hand import HandFlight
+from helisim.hand.sticks import Deflection, Joystick, Sticks, choose, read_axes
 from helisim.hand.window import Cockpit, Inputs, fly_in
 from helisim.records.storage import read_record
+from off_screen import Clock
 
 
 class Window:
@@ -29,19 +33,6 @@ class Window:
 
     def messages(self, start=0.0, end=1e9):
         return [one[3] for one in self.panels if start < one[0] < end]
-
-
-class Clock:
-    """A clock that only sleeping moves."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def __call__(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += max(seconds, 1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +63,8 @@ def tap(at, key):
 @pytest.mark.slow
 def test_keys_fly_and_record(fly, tmp_path):
     """Forward for two seconds, with R before and after: the record has the stick and the way."""
-    seat, seen = fly(
-        [tap(0.5, "r"), (1.0, 3.0, "up"), tap(4.0, "r"), tap(5.0, "escape")], seconds=20.0
-    )
+    script = [tap(0.5, "r"), (1.0, 3.0, "up"), tap(4.0, "r"), tap(5.0, "escape")]
+    seat, seen = fly(script, seconds=20.0)
     assert seat.closed
     assert seat.written == [tmp_path / "hand.parquet"]
     record = read_record(tmp_path / "hand.parquet")
@@ -119,9 +109,8 @@ def test_every_recording_has_a_file(fly, tmp_path):
 
 def test_a_crash_is_told_and_recorded_and_a_key_starts_again(fly, flight):
     """The collective all the way down: the message says why; Backspace hovers again."""
-    seat, seen = fly(
-        [tap(0.1, "r"), (0.2, 6.0, "s"), tap(7.0, "backspace")], assist="level", seconds=8.0
-    )
+    script = [tap(0.1, "r"), (0.2, 6.0, "s"), tap(7.0, "backspace")]
+    seat, seen = fly(script, assist="level", seconds=8.0)
     crashed = seen.messages(6.0, 6.9)
     assert all("hit the ground at" in text and "Backspace" in text for text in crashed)
     assert read_record(seat.written[0]).ended
@@ -150,3 +139,94 @@ def test_a_joystick_flies_and_may_be_lost(fly, flight):
     assert flight.time == pytest.approx(3.0, abs=0.2)
     assert set(seen.messages(2.2, 2.8)) == {"radio is gone: plug it in, then press P"}
     assert flight.clearance > 1.8
+
+
+RADIO, PAD = Joystick(0, "OpenTX Radio"), Joystick(1, "Pad", is_gamepad=True)
+
+
+def held(sticks, keys, seconds, *, climbs=False, frame=0.02):
+    for _ in range(round(seconds / frame)):
+        found = sticks.deflection(keys, None, frame, climbs=climbs)
+    return found
+
+
+def test_keys_move_the_cyclic_and_let_it_centre_and_the_collective_stays():
+    """0.3 s to the stop, 0.35 of the travel; 0.12 s back. What commands a climb centres."""
+    keys = Sticks()
+    assert held(keys, {"right"}, 0.16, frame=0.01).lat == pytest.approx(0.35 * 0.16 / 0.3)
+    assert held(keys, {"right"}, 1.0).lat == 0.35
+    assert held(keys, set(), 0.06).lat == pytest.approx(0.175)
+    assert held(keys, set(), 0.12).lat == 0.0
+    assert held(keys, {"up"}, 1.0).lon == -0.35
+    assert held(keys, {"up", "down"}, 1.0).lon == 0.0
+    assert held(keys, {"d", "left"}, 1.0)[2:] == (-0.35, 0.35)
+    keys = Sticks()
+    keys.collective = 0.2
+    assert held(keys, {"w"}, 0.5).col == pytest.approx(0.2 + 0.35 * 2.0 / 2.5, abs=0.02)
+    stays = held(keys, set(), 0.5).col
+    assert held(keys, set(), 5.0).col == stays
+    assert held(keys, {"s"}, 5.0).col == -1.0
+    assert held(keys, {"w"}, 1.0, climbs=True).col == 1.0
+    assert held(keys, set(), 1.0, climbs=True).col == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "left", "right"), [(1, "lon", "col"), (2, "col", "lon"), (3, "lon", "col")]
+)
+def test_modes_are_those_of_transmitters(mode, left, right):
+    """Modes 1 and 3 have the collective on the right; 1 and 2 roll with the right thumb."""
+    pad = Sticks(PAD, mode=mode)
+    up = pad.deflection((), (0.0, 1.0, 1.0, 0.0), 0.1, climbs=True)
+    assert getattr(up, left) == (-1.0 if left == "lon" else 1.0)  # away from the pilot: nose down
+    assert (up.lat, up.ped) == ((1.0, 0.0) if mode in (1, 2) else (0.0, 1.0))
+    assert getattr(pad.deflection((), (0.0, 0.0, 0.0, 1.0), 0.1, climbs=True), right) != 0.0
+
+
+def test_channels_of_a_transmitter_and_a_gamepad_and_how_they_feel():
+    """TAER: throttle first, and it stays. Beyond 0.02 of rest the others are softer: expo 0.3."""
+    radio = Sticks(RADIO, order="taer")
+    found = radio.deflection((), (0.7, 0.51, 0.01, -1.0), 1.0, climbs=False)
+    assert found == pytest.approx(Deflection(col=0.7, lat=0.7 * 0.5 + 0.3 / 8.0, lon=0.0, ped=-1.0))
+    assert radio.deflection((), None, 0.1, climbs=True) is None
+    with pytest.raises(InputError, match="needs 4 axes, one each stick; OpenTX Radio has 3"):
+        radio.deflection((), (0.0,) * 3, 0.1, climbs=True)
+    # half a second at the stop of 2.5 s from stop to stop; let go, it stays
+    pad = Sticks(PAD)
+    pad.collective = -0.2
+    for axes in ((0.0, 1.0, 0.0, 0.0), (0.0,) * 4):
+        assert pad.deflection((), axes, 0.5, climbs=False).col == pytest.approx(0.2)
+
+
+def glfw(*there):
+    """Return GLFW with joysticks."""
+    names = {one.number: one.name for one in there}
+    pads = [one.number for one in there if one.is_gamepad]
+    state = SimpleNamespace(axes=(0.1, 0.2, 0.3, 0.4, -1.0, -1.0))
+    return SimpleNamespace(
+        JOYSTICK_1=0,
+        JOYSTICK_LAST=15,
+        joystick_present=names.__contains__,
+        get_joystick_name=lambda n: names[n].encode(),
+        joystick_is_gamepad=pads.__contains__,
+        get_gamepad_state=lambda n: state if n in pads else None,
+        get_joystick_axes=lambda n: ([0.5, -0.5, 9.0], 2) if n in names else ([], 0),
+    )
+
+
+def test_joysticks_are_found_by_number_or_name():
+    """The only one, one of several; what there is if none fits. A gamepad's triggers are none."""
+    assert choose(glfw(PAD), "") == PAD
+    both = glfw(RADIO, PAD)
+    assert choose(both, "1") == PAD
+    assert choose(both, "Radio") == RADIO
+    for there, wanted, said in (
+        (glfw(), "", "no joystick '': there are none; .*plug one in"),
+        (both, "2", "no joystick '2': there are 0 'OpenTX Radio', 1 'Pad'"),
+        (both, "", "several joysticks fit"),
+    ):
+        with pytest.raises(InputError, match=said):
+            choose(there, wanted)
+    assert read_axes(both, RADIO) == (0.5, -0.5)
+    assert read_axes(both, PAD) == (0.1, -0.2, 0.3, -0.4)  # up is 1
+    assert read_axes(glfw(), RADIO) is None
+    assert read_axes(glfw(), PAD) is None

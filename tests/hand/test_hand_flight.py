@@ -88,7 +88,6 @@ def test_a_gentle_descent_lands_and_is_in_the_record(jr700):
 
 
 def test_a_hard_landing_is_a_crash(jr700):
-    """Bottom collective from three metres; nothing moves after it until the reset."""
     flight = HandFlight(jr700, assist="level", height=3.0)
     flight.fly(5.0, col=-1.0)
     assert "hit the ground at" in flight.crashed
@@ -142,8 +141,6 @@ def test_a_recording_is_a_flight_record(hovering, tmp_path):
 
 
 def test_the_same_hand_flies_the_same_flight(jr700):
-    """Recordings of one seed are equal to the bit; it hovers in wind and turbulence too."""
-
     def flown():
         flight = HandFlight(jr700, weather=Weather(wind=5.0, turbulence="light"), seed=3)
         start = flight.data.qpos[:3].copy()
@@ -160,15 +157,14 @@ def test_the_same_hand_flies_the_same_flight(jr700):
 
 def test_what_can_not_be_is_refused(hovering, jr700):
     hovering.reset()
-    with pytest.raises(InputError, match="time to fly"):
-        hovering.fly(0.0)
-    with pytest.raises(InputError, match="no recording runs"):
-        hovering.stop_recording()
-    hovering.start_recording()
-    with pytest.raises(InputError, match="runs already"):
-        hovering.start_recording()
-    with pytest.raises(InputError, match="no record"):
-        hovering.stop_recording()
+    for do, says in (
+        (lambda: hovering.fly(0.0), "time to fly"),
+        (hovering.stop_recording, "no recording runs"),
+        (lambda: (hovering.start_recording(), hovering.start_recording()), "runs already"),
+        (hovering.stop_recording, "no record"),
+    ):
+        with pytest.raises(InputError, match=says):
+            do()
     for wrong in ({"seed": -1}, {"height": 0.0}, {"assist": "yes"}):
         with pytest.raises(InputError):
             HandFlight(jr700, **wrong)

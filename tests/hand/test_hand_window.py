@@ -1,14 +1,13 @@
 """The window by hand on a real display: pictures, keys that go down and up, a recording."""
 
-import os
 import shutil
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 
 from helisim.records.storage import read_record
+from off_screen import on_display
 
 NEEDED = ("Xvfb", "xvfb-run", "xdotool")
 pytestmark = [
@@ -46,21 +45,8 @@ np.save("pictures.npy", np.array([pictures[0], pictures[len(pictures) // 2]]))
 """
 
 
-def on_display(tmp_path, *command):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    return subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *command],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-
-
-def test_keys_of_a_real_window_fly(tmp_path):
-    """An arrow key that is held flies forward, let go it does not; R records; Escape leaves."""
+def test_keys_of_a_real_window_fly_and_no_joystick_is_said(tmp_path):
+    """A held arrow flies forward, let go not; R records; Escape leaves; no joystick: one line."""
     done = on_display(tmp_path, sys.executable, "-c", FLOWN)
     assert done.returncode == 0, done.stderr
     record = read_record(tmp_path / "hand.parquet")
@@ -71,10 +57,6 @@ def test_keys_of_a_real_window_fly(tmp_path):
     assert pictures.shape == (2, 360, 480, 3)
     assert pictures[0].std() > 20.0
     assert np.abs(pictures[1] - pictures[0]).mean() > 2.0  # it has flown on
-
-
-def test_no_joystick_is_said(tmp_path):
-    """On a display without a joystick: one line, exit status 2."""
     done = on_display(tmp_path, sys.executable, "-m", "helisim", "view", "--joystick")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

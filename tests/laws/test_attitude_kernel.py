@@ -116,15 +116,12 @@ def test_an_integral_does_not_wind_up(stick, angle):
     assert ticks.states(stick)[INTEGRAL] < 0.0
 
 
-def test_a_heading_that_can_not_be_reached_is_let_go():
+def test_a_heading_is_held_through_south_and_let_go_where_it_can_not_be_reached():
     """Full pedal against a tail at its stop: the heading held stays within half a turn."""
     ticks = Ticks(HOLDS)
     for _ in range(2000):
         ticks(PED=0.5)
     assert abs(ticks.states("PED")[0]) < 1.0
-
-
-def test_a_heading_is_held_through_south():
     ticks = Ticks(HOLDS)
     ticks.states("PED")[0] = math.pi - 0.001
     commands = [ticks(psi=psi)[3] for psi in (math.pi - 0.002, -math.pi + 0.002)]

@@ -1,5 +1,6 @@
 """Laws of every kind: read as written, tuned, linear as they fly, started where servos stand."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.cli import main
 from helisim.physics.laws import Called
 from helisim.vehicle.law import linearize_law
-from small_laws import FULL, HOLDS, LAT, random_law
+from small_laws import FULL, HOLDS, INPUTS, LAT, random_law
 
 OMEGA = np.geomspace(0.2, 150.0, 60)
 MADE = {"by": "hand", "specifications": [{"axis": "lat", "least": 45.0}], "of": {"seed": 3}}
@@ -25,14 +27,11 @@ def law(request, jr700):
     return KINDS[request.param](jr700)
 
 
-def test_what_is_written_is_read_again(law, tmp_path):
+def test_what_is_written_is_read_again_and_what_is_tuned_is_replaced(law, tmp_path):
     assert hs.law_of(law.to_dict()) == law
     made = replace(law, provenance=MADE)
     made.write(tmp_path / "law.toml")
     assert hs.read_law(tmp_path / "law.toml") == made != law
-
-
-def test_replace_changes_what_is_tuned(law):
     names = law.parameters()
     moved = law.replace({name: 1.01 * value for name, value in names.items()})
     assert moved.parameters() == {name: 1.01 * value for name, value in names.items()}
@@ -103,12 +102,16 @@ def test_starts_where_the_servos_stand(jr700, made, col):
     np.testing.assert_allclose(commands, servos, rtol=0.0, atol=1e-14)
 
 
-def test_a_law_of_ones_own_needs_its_methods():
+def test_a_law_of_ones_own_needs_its_methods_and_the_gyros_ticks(jr700):
     class Half(hs.Law):
         kind = "half"
 
     with pytest.raises(TypeError, match="linear"):
         Half()
+    with pytest.raises(InputError, match="each 4 ms and can't tick each 2 ms"):
+        random_law(period=0.004).on(jr700)
+    with pytest.raises(InputError, match="can't tick each 2 ms"):
+        random_law(period=0.004).linear(0.002)
 
 
 ATTITUDE, NAN = HOLDS.to_dict(), np.full((5, 5), np.nan).tolist()
@@ -144,8 +147,72 @@ def test_what_is_no_law_says_what_is_wrong(kind, change, message, jr700):
         hs.law_of({key: one for key, one in {**data, **changed}.items() if one is not None})
 
 
-def test_a_law_that_ticks_otherwise_is_refused(jr700):
-    with pytest.raises(InputError, match="each 4 ms and can't tick each 2 ms"):
-        random_law(period=0.004).on(jr700)
-    with pytest.raises(InputError, match="can't tick each 2 ms"):
-        random_law(period=0.004).linear(0.002)
+def test_compiled_matrices_act_within_limits_and_are_cut_off_beyond(jr700):
+    """At each tick the commands are C x + D seen about the trim, and the state follows."""
+    vehicle = jr700
+    law = random_law()
+    controller = law.on(vehicle)
+    settings, trim = np.asarray(controller.settings), vehicle.trim
+    call = controller.law
+    rng = np.random.default_rng(2)
+    state, x = np.zeros(len(law.a)), np.zeros(len(law.a))
+    steady = hs.Seen(*([0.0] * 18))._replace(phi=trim.phi, theta=trim.theta)
+    middle = np.array([trim.col, trim.lon, trim.lat, trim.ped])
+    cut = 0
+    for size in (1e-3, 1e-2, 10.0, 1.0, 1e-3):
+        off = dict(zip(INPUTS, size * rng.standard_normal(5)))
+        seen = steady._replace(**{name: getattr(steady, name) + by for name, by in off.items()})
+        y = np.array([*off.values()])
+        y[2] = math.remainder(y[2], 2.0 * math.pi)  # of a heading
+        front, left, right, tail = call(seen, state, settings)
+        given = np.array([*vehicle.swashplate.unmix(front, left, right), tail])
+        whole = middle + law.c @ x + law.d @ y
+        assert given == pytest.approx(np.clip(whole, -0.5, 0.5), abs=1e-12)
+        cut += bool(np.any(np.abs(whole) > 0.5))
+        x = law.a @ x + law.b @ y + law.windup @ (np.clip(whole, -0.5, 0.5) - whole)
+        assert state == pytest.approx(x, abs=1e-12)
+    assert 0 < cut < 5
+
+
+FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "flown.parquet"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "law.toml").write_text(
+        """kind = "attitude_command"
+version = 1
+phase = 0.365
+lat = { stick = 0.6, frequency = 6.0, k_angle = 0.6, k_rate = 0.05, k_integral = 0.3 }
+lon = { stick = 0.6, frequency = 6.0, k_angle = 1.0, k_rate = 0.1, k_integral = 0.3 }
+ped = { stick = 3.0, frequency = 8.0, k_angle = 1.0, k_rate = 0.2, k_integral = 0.5 }
+"""
+    )
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_file_flies_and_its_record_can_be_flown_again(folder, jr700):
+    """From the command line; the record alone has the law and the seed, and gives the same bits."""
+    assert main([*FLY, "--controller", "law.toml"]) == 0
+    record = hs.read_record(folder / "flown.parquet")
+    law = hs.law_of(record.provenance["controller"]["written"])
+    assert law == HOLDS
+    (again,) = hs.fly(jr700, hs.Doublet(axis="ped"), seed=record.provenance["seed"], controller=law)
+    np.testing.assert_array_equal(again.values, record.values)
+
+
+def test_a_law_follows_the_vehicle_that_flies_it(jr700):
+    """About the trim of another flight, and at another period of the ticks."""
+    flying = jr700.with_controller(HOLDS)
+    ahead = flying.trimmed(speed=5.0)
+    assert ahead.controller.settings[1:3].tolist() == [ahead.trim.phi, ahead.trim.theta]
+    assert ahead.linearize("IN2").system.nstates > sum(ahead.controller.state_counts)
+    slower = flying.with_settings({"gyro.period": 0.004})
+    assert slower.gyro.system.dt == slower.controller.settings[0] == 0.004
+    assert np.abs(slower.linearize("IN2").system.poles()).max() < 1.0 + 1e-9  # neutral heading
+
+
+def test_a_law_in_a_model_of_mujoco_s_own_needs_a_vehicle(jr700):
+    with pytest.raises(InputError, match=r"give law\.on\(vehicle\)"):
+        hs.set_controller(jr700.model, HOLDS)

@@ -25,7 +25,6 @@ def small():
 
 @pytest.mark.parametrize("window", [1, 2, 3, 64, 1000, 1 << 22])
 def test_messages_of_a_type_are_columns(tmp_path, monkeypatch, window):
-    """Each gyro's messages, in the log's units, however much of it is searched and read at once."""
     monkeypatch.setattr(dataflash, "_WINDOW", window)
     monkeypatch.setattr(dataflash, "_ROWS", window)
     log = DataFlash(small().save(tmp_path))
@@ -44,7 +43,6 @@ def test_messages_of_a_type_are_columns(tmp_path, monkeypatch, window):
 
 
 def test_parameters_are_those_of_a_time(tmp_path):
-    """At last, at the start, and in between; and what wrote the log."""
     log = DataFlash(small().save(tmp_path))
     assert log.parameters() == {"ATC_RAT_RLL_FF": 60.25}
     assert log.parameters(at=-np.inf) == {"ATC_RAT_RLL_FF": 0.25}
@@ -145,7 +143,6 @@ def same_as_reference(log, reference):
 
 
 def test_every_letter_of_the_format_is_read_as_the_reference_does(tmp_path):
-    """Numbers of all sizes, scaled ones, words, arrays, several instances: bit for bit."""
     path = every_letter().save(tmp_path)
     same_as_reference(DataFlash(path), rows_of(path))
 

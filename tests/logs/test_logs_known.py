@@ -75,25 +75,20 @@ def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
     assert (part.start, part.first_row) == (30.0, 12)
     filled = read_log(path, max_gap=math.inf, resample_hz=0.5)
     text = "  resampled to 0.5 Hz, low-pass filtered, unchanged up to 0.2 Hz"
-    assert str(filled.report).splitlines()[2:] == [
-        text,
-        "  repaired: 2 gaps, 70 % of the log, are interpolated",
-    ]
+    gaps = "  repaired: 2 gaps, 70 % of the log, are interpolated"
+    assert str(filled.report).splitlines()[2:] == [text, gaps]
     assert filled.report.findings[0].rows == (12, 22)
     assert filled.record.time.tolist() == list(range(0, 61, 2))
 
 
-def test_findings_keep_twenty_rows_and_count_all(tmp_path):
+def test_findings_count_all_rows_and_averages_pass_over_holes(tmp_path):
+    """Of rows with one stamp those with a number; between neighbours else; never by a guess."""
     t = np.repeat(np.arange(40.0), 2)
     (one,) = read_log(
         table(tmp_path / "a.csv", t, t), channels=P, repair="duplicates"
     ).report.findings
     assert (one.count, one.rows) == (40, tuple(range(3, 43, 2)))
     assert one.to_dict()["rows"] == list(one.rows)
-
-
-def test_averages_and_interpolation_pass_over_holes(tmp_path):
-    """Of rows with one stamp those with a number; between neighbours else; never by a guess."""
     path = table(tmp_path / "a.csv", [0, 1, 1, 2, 3, 3, 4], [0, 1, math.nan, 4, 5, 7, 8])
     log = read_log(path, channels=P, repair=("duplicates",))
     assert log.record["p"].tolist() == [0, 1, 4, 6, 8]
@@ -196,13 +191,8 @@ def test_a_quaternion_is_euler_angles_as_others_turn(tmp_path):
     turns = Rotation.random(200, random_state=1)
     stamps, q = 1000 * np.arange(200), turns.as_quat(scalar_first=True)
     still = {"q": q, "roll": np.full(200, 0.5)}
-    fields = {
-        "": {"q": q[::-1]},
-        "[0]": {"q": q[::-1]},
-        "[1]": {"q": q},
-        "_own": still,
-        "_bare": {"x": stamps},
-    }
+    fields = {"": {"q": q[::-1]}, "[0]": {"q": q[::-1]}, "[1]": {"q": q}, "_own": still}
+    fields["_bare"] = {"x": stamps}
     topics = {f"vehicle_attitude{end}": (stamps, one) for end, one in fields.items()}
     path = tmp_path / "a.ulg"
     path.write_bytes(autopilot_logs.ulog(topics, dropouts=(30, 12)))

@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 import helisim as hs
-import turning
 from helisim.base.units import RAD_PER_DEG, STANDARD_GRAVITY
 from helisim.logs import Column, Map, read_log
 from helisim.logs.examples import examples
@@ -25,7 +26,7 @@ ANGLES, FORCES = ("phi", "theta", "psi"), ("ax", "ay", "az")
 
 @cache
 def flight(seed=0, size=1.0):
-    return turning.flight(60.0, seed, size=size, noise=0.02)[1]
+    return turned_flight(60.0, seed, size=size, noise=0.02)[1]
 
 
 def found(columns, step=0.01, **declared):
@@ -44,7 +45,7 @@ def test_nothing_is_said_of_a_sound_flight(seed):
     assert found(flight(seed)) == []
 
 
-def test_rates_in_degrees_are_told():
+def test_rates_and_angles_in_another_unit_are_told():
     """By their size, by what they would swing, or where they are small by their angles."""
     fast = flight() | {name: flight()[name] / RAD_PER_DEG for name in "pqr"}
     expected = {f"--channel {name}={name}_raw:deg/s" for name in "pqr"}
@@ -58,10 +59,6 @@ def test_rates_in_degrees_are_told():
     (one, *_) = found(slow)
     assert "times d(phi)/dt (coherence 1.00)" in one.text
     assert float(one.text.split()[2]) == pytest.approx(57.3, rel=0.03)
-
-
-def test_angles_in_another_unit_are_told():
-    """Degrees as rad reach what no angle can; radians as degrees hardly move."""
     columns = flight() | {name: flight()[name] / RAD_PER_DEG for name in ANGLES}
     assert options(columns) == {f"--channel {name}={name}_raw:deg" for name in ("phi", "theta")}
     degrees = {name: Column(f"{name}_raw", "deg") for name in ANGLES}
@@ -71,7 +68,6 @@ def test_angles_in_another_unit_are_told():
 
 
 def test_swapped_axes_are_told_with_their_signs():
-    """Two rates, and all three in a ring; with a sign where one is needed."""
     own = flight()
     (two,) = options(own | {"p": own["q"], "q": -own["p"]})
     assert two == "--channel q=p_raw:rad/s --channel p=q_raw:rad/s:sign=-1"
@@ -87,7 +83,6 @@ def test_a_wrong_sign_is_told(name):
 
 
 def test_gravity_alone_tells_an_accelerometer():
-    """At rest: its unit and its sign."""
     random = np.random.default_rng(0)
     rest = {name: 0.02 * random.standard_normal(6000) for name in FORCES}
     down = rest | {"az": rest["az"] - STANDARD_GRAVITY}
@@ -139,3 +134,55 @@ def test_simulated_flights_are_plausible():
     assert implausible(Channels(record.sample_time, columns, declared)) == []
     flipped = Channels(record.sample_time, columns | {"q": -record["q"]}, declared)
     assert [one.kind for one in implausible(flipped)] == ["sign"]
+
+
+RATE = 100.0
+GRAVITY = 9.80665
+_FINE = 1000.0
+_POLE, _SLOW = np.exp(-2.0 * np.pi * np.array([1.2, 0.15]) / _FINE)
+
+
+def turned_flight(duration=60.0, seed=0, *, size=1.0, noise=0.0):
+    """Return time, and SI channels by name: p to r, phi to psi, u to w, north to down, ax to az.
+
+    Rates and velocities are noise from 0.15 to 1.2 Hz; the rest follows from them.
+    """
+    random = np.random.default_rng(seed)
+    fine, every = _FINE, round(_FINE / RATE)
+    count = int(duration * fine)
+    white = random.standard_normal((count, 6))
+    columns = white - np.mean(white, axis=0)
+    for _ in range(3):  # to about 1 Hz
+        columns = lfilter([1.0 - _POLE], [1.0, -_POLE], columns, axis=0)
+    drift = lfilter([1.0 - _SLOW], [1.0, -_SLOW], columns, axis=0)
+    columns = (columns - drift) / np.std(columns - drift, axis=0)
+    rates, velocity = 0.5 * size * columns[:, :3], 2.0 * size * columns[:, 3:]
+    attitude = np.empty((count, 4))
+    quaternions = Rotation.from_rotvec(rates / fine).as_quat()  # exact for a constant rate
+    q = Rotation.identity().as_quat()
+    for k in range(count):
+        attitude[k] = q
+        x, y, z, w = q
+        a, b, c, d = quaternions[k]
+        i, j = w * a + x * d + y * c - z * b, w * b - x * c + y * d + z * a
+        q = np.array([i, j, w * c + x * b - y * a + z * d, w * d - x * a - y * b - z * c])
+    turned = Rotation.from_quat(attitude)
+    psi, theta, phi = turned.as_euler("ZYX").T
+    world = turned.apply(velocity)
+    position = np.cumsum(world, axis=0) / fine
+    force = turned.inv().apply(np.gradient(world, 1.0 / fine, axis=0) - [0.0, 0.0, GRAVITY])
+    table = {
+        **dict(zip("pqr", rates.T)),
+        "phi": phi,
+        "theta": theta,
+        "psi": np.unwrap(psi),
+        **dict(zip("uvw", velocity.T)),
+        **dict(zip(("north", "east", "down"), position.T)),
+        **dict(zip(("ax", "ay", "az"), force.T)),
+    }
+    time = np.arange(count) / fine
+    spoiled = {
+        name: values[::every] + noise * np.std(values) * random.standard_normal(count // every)
+        for name, values in table.items()
+    }
+    return time[::every], spoiled

@@ -24,7 +24,6 @@ FACTORS |= {"g": 9.80665, "percent": 0.01, "%": 0.01}
 
 @pytest.mark.parametrize(("unit", "si"), FACTORS.items())
 def test_units_become_si(tmp_path, unit, si):
-    """One of a unit is what the unit's definition says in SI."""
     path = table(tmp_path / "a.csv", [0, 1], [1, 2], header="t [s],x")
     log = read_log(path, channels={"x": Column("x", unit)})
     assert log.record["x"] == pytest.approx([si, 2.0 * si], rel=1e-15)
@@ -73,8 +72,7 @@ def test_encoding_and_delimiter_are_found_out(tmp_path, encoding, delimiter):
     assert log.report.repairs == ()
 
 
-def test_other_layouts(tmp_path):
-    """Decimal commas, a line of units, and comments above are read."""
+def test_layouts_and_columns_that_state_their_unit(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t;p\ns;deg/s\n0,0;1,5\n0,5;2,5\n")
     layout = Layout(decimal=",", skip=1)
@@ -89,10 +87,6 @@ def test_other_layouts(tmp_path):
         read_log(path, channels=P, time=Clock("t", "s"))
     path.write_text("p\n1\n2\n3\n")
     assert read_log(path, channels=P, time=Clock(rate=50.0)).record.sample_time == 0.02
-
-
-def test_columns_that_state_their_unit_need_no_map(tmp_path):
-    """Without channels, every column with a unit in its heading is read, the rest is listed."""
     path = table(tmp_path / "a.csv", [0, 1], [1, 2], [3, 4], header="time (ms),q [deg/s],note")
     log = read_log(path)
     assert log.record.names == ("q",)
@@ -120,8 +114,8 @@ def test_repairs_do_what_they_say(tmp_path):
         _ = read_log(resets, channels=P, repair=("resets",)).record
 
 
-def test_angles_are_made_continuous(tmp_path):
-    """A heading that goes through 180 deg keeps on rising, and the report says so."""
+def test_angles_are_made_continuous_and_resampling_is_filtered_and_even(tmp_path):
+    """The passband is kept, what is above is gone; at its own rate all is kept."""
     t = np.arange(50.0)
     heading = (10.0 * t + 180.0) % 360.0 - 180.0
     path = table(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")
@@ -129,10 +123,6 @@ def test_angles_are_made_continuous(tmp_path):
     assert log.record["psi"] == pytest.approx(np.radians(10.0) * log.record.time)
     (wraps,) = log.report.repairs
     assert (wraps.kind, wraps.count, wraps.rows) == ("angle wraps", 1, (20,))
-
-
-def test_resampling_is_filtered_and_even(tmp_path):
-    """The passband is kept, what is above is gone; at its own rate all is kept."""
     t = np.arange(0.0, 20.0, 0.002)
     slow, fast = np.sin(2.0 * np.pi * 6.0 * t), np.sin(2.0 * np.pi * 33.0 * t)
     path = table(tmp_path / "a.csv", t, slow, fast, header="t [s],slow [1],fast [1]")
@@ -152,7 +142,6 @@ def test_resampling_is_filtered_and_even(tmp_path):
 
 
 def test_parquet_by_others(tmp_path):
-    """Whole numbers, nulls, dates and units in the metadata of a field are read."""
     path = tmp_path / "a.parquet"
     stamps = pa.array([1_700_000_000_000_000 + 10_000 * k for k in range(4)], pa.timestamp("us"))
     fields = [
@@ -173,7 +162,6 @@ def test_parquet_by_others(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 def test_helisim_records_need_no_map(tmp_path, suffix):
-    """A record that helisim wrote comes back the same, and can be mapped like any log."""
     time = np.arange(5) * 0.1 + 3.0
     record = FlightRecord(time, np.ones((5, 1)), (channel("p"),), {"seed": 1})
     path = write_record(record, tmp_path / f"a{suffix}")

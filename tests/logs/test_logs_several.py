@@ -8,7 +8,9 @@ import pytest
 
 from autopilot_logs import table
 from helisim.base.errors import HelisimError, InputError, LogError, RecordError, StorageError
-from helisim.logs import Clock, Column, Map, read_log, read_logs
+from helisim.logs import Clock, Column, Map, read_log, read_logs, screen
+from helisim.records.record import FlightRecord, channel
+from helisim.records.storage import write_record
 from remedies import said
 
 P, SECONDS = {"p": Column("p", "rad/s")}, Clock("t", "s")
@@ -28,7 +30,6 @@ def faulty(folder):
 
 
 def test_everything_that_is_wrong_is_said_at_once(tmp_path):
-    """Over all files: holes, units, gaps and repeated stamps, each with its place and option."""
     paths = faulty(tmp_path)
     with pytest.raises(LogError) as raised:
         read_logs(paths, channels=MAP, wanted=("p", "q", "lat"), resample_hz=50.0)
@@ -104,8 +105,7 @@ def test_small_jitter_is_resampled_unasked_and_told(tmp_path):
     assert record["p"] == pytest.approx(np.sin(5.0 * (first + record.time)), abs=1.3e-4)
 
 
-def test_large_jitter_is_refused_with_its_size(tmp_path):
-    """Stamps off by up to half a step either way: only on request."""
+def test_large_jitter_is_refused_with_its_size_and_a_gap_is_none(tmp_path):
     path = jittery(tmp_path, 1.0)
     log = read_log(path, channels=P, time=SECONDS)
     assert not log.report.repairs
@@ -115,10 +115,6 @@ def test_large_jitter_is_refused_with_its_size(tmp_path):
     stamps = [float(line.split(",")[0]) for line in path.read_text().splitlines()[1:]]
     worst = np.argmax(np.abs(np.diff(stamps) - np.mean(np.diff(stamps))))
     assert f"jitter.csv, line {worst + 3}, column 't': " in str(raised.value)
-
-
-def test_a_gap_is_not_jitter(tmp_path):
-    """A log that jitters and has a gap is refused for the gap; split there, it is resampled."""
     path = jittery(tmp_path, 0.2)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines[:1000], *lines[1200:]]) + "\n")
@@ -127,3 +123,116 @@ def test_a_gap_is_not_jitter(tmp_path):
     (log,) = read_logs([path], channels=P, time=SECONDS, repair="gaps")
     assert [finding.kind for finding in log.report.repairs] == ["jitter", "gap"]
     assert len(log.records) == 2
+
+
+TIME = np.arange(6001) / 100.0
+
+
+def made(time=TIME, **changes):
+    """Return a noisy minute of a rate and an input at 100 Hz, with channels replaced."""
+    rng = np.random.default_rng(1)
+    columns = {
+        "p": np.sin(3.0 * time) + 0.005 * rng.standard_normal(time.size),
+        "lat": 0.1 * np.cos(3.0 * time) + 0.001 * rng.standard_normal(time.size),
+        **changes,
+    }
+    values = np.column_stack(list(columns.values()))
+    return FlightRecord(time, values, tuple(map(channel, columns)), {"seed": 1})
+
+
+def kinds(log):
+    return [finding.kind for finding in log.report.findings]
+
+
+def spiked():
+    rate = made()["p"].copy()
+    rate[[700, 3000, 3001]] += [2.0, -3.0, -3.0]
+    return made(p=rate)
+
+
+def test_spikes_are_noted_and_interpolated_on_request():
+    """To a rate's own noise; every other sample keeps its bits; the provenance tells it."""
+    good, record = made(), spiked()
+    clean = screen(good, repair=("spikes", "frozen"))
+    assert clean.record is good
+    assert clean.report.findings == ()
+    noted = screen(record)
+    assert noted.record is record
+    (finding,) = noted.report.findings
+    assert (finding.kind, finding.count, finding.rows) == ("spikes", 3, (700, 3000, 3001))
+    assert "column 'p': 3 of 6001 samples" in finding.text
+    assert said(finding) == "--repair spikes"
+    log = screen(record, repair="spikes")
+    out = [700, 3000, 3001]
+    # the smooth part to (w h)^3, the noise of the sample itself and of its neighbours
+    assert log.record["p"][out] == pytest.approx(np.sin(3.0 * TIME[out]), abs=5 * 0.005)
+    kept = np.setdiff1d(np.arange(TIME.size), out)
+    assert np.array_equal(log.record.values[kept], record.values[kept])
+    assert np.array_equal(log.record["lat"], good["lat"])
+    assert log.record.provenance["seed"] == 1
+    assert log.record.provenance["log"]["findings"][0]["count"] == 3
+    assert kinds(screen(record, channels="lat")) == []
+
+
+def test_a_dead_sensor_is_cut_out_on_request():
+    """Noted, or left out, with the record split there; an input that rests is no sensor."""
+    rate, stick = made()["p"].copy(), made()["lat"].copy()
+    rate[2000:2151] = rate[2000]
+    stick[4000:4400] = stick[4000]
+    record = made(p=rate, lat=stick)
+    noted = screen(record)
+    assert kinds(noted) == ["frozen"]
+    assert "151 of 6001 samples are frozen" in noted.report.findings[0].text
+    cut = screen(record, repair="frozen")
+    assert kinds(cut) == ["frozen", "gap"]
+    before, after = cut.records
+    assert before.time[-1] == pytest.approx(19.99)
+    assert after.time[0] == pytest.approx(21.51)
+    assert len(before) + len(after) == TIME.size - 151
+
+
+def test_lost_samples_are_counted():
+    """By the steps that are whole multiples of a steady recorder's; a gap counts as such."""
+    kept = np.ones(TIME.size, dtype=bool)
+    kept[[100, 2000, 2001, 2002]] = False
+    kept[3000:3100] = False
+    record = made()
+    lossy = FlightRecord(TIME[kept], record.values[kept], record.channels, {})
+    log = screen(lossy, resample_hz=100.0, repair="gaps")
+    assert kinds(log) == ["lost samples", "gap"]
+    lost, gap = log.report.findings
+    assert lost.count == 4
+    assert "4 samples were lost in 2 places" in lost.text
+    assert gap.count == 1
+    # filled to what is between: a sine of 3 rad/s over 4 steps, and the noise
+    between = np.sin(3.0 * TIME[[100, 2001]])
+    assert log.records[0]["p"][[100, 2001]] == pytest.approx(between, abs=5 * 0.005)
+    assert [len(one) for one in log.records] == [3000, 2901]
+    with pytest.raises(RecordError, match="screen"):
+        _ = lossy.sample_time
+    with pytest.raises(RecordError, match="resample the log"):
+        screen(lossy, repair="gaps").check_uniform()
+    assert said(screen(lossy, repair="gaps").report.findings[0]) == "--resample 100"
+    time = np.cumsum(np.random.default_rng(2).uniform(0.005, 0.015, TIME.size))
+    assert kinds(screen(made(time=time), resample_hz=100.0)) == []  # no steady recorder
+
+
+def test_foreign_logs_are_screened_too(tmp_path):
+    record = spiked()
+    rows = [f"{t!r},{57.29577951308232 * p!r}" for t, p in zip(TIME.tolist(), record["p"].tolist())]
+    path = tmp_path / "other.csv"
+    path.write_text("\n".join(["t [s],p [deg/s]", *rows]) + "\n")
+    (finding,) = read_log(path).report.findings
+    assert (finding.kind, finding.rows) == ("spikes", (702, 3002, 3003))
+    ours = tmp_path / "ours.parquet"
+    write_record(record, ours)
+    assert kinds(read_log(ours, channels=("p",))) == ["spikes"]
+    assert kinds(read_log(ours, channels=("lat",))) == []
+
+
+@pytest.mark.parametrize("value", [0.0, 1e200, -1e308])
+def test_channels_that_are_no_motion_say_nothing(value):
+    """Constant or absurd numbers under the names of rates and angles are no reason to fail."""
+    names = ("p", "q", "r", "phi", "theta", "psi")
+    odd = {name: np.full(TIME.size, value) for name in names} | {"q": value * np.sin(TIME)}
+    assert screen(made(**odd), channels=()).report.findings == ()

@@ -76,7 +76,6 @@ def log_of(request, tmp_path):
 
 
 def test_every_format_gives_the_same_record(log_of):
-    """Its numbers, clock, rows, unused columns and digest; its report is plain data."""
     name, path, column, other, (counts, first, origin) = log_of
     log = read_log(path, channels={"p": Column(column, "deg/s", sign=-1)})
     record, report = log.record, log.report
@@ -212,7 +211,6 @@ def test_a_file_that_is_no_log_is_refused_by_its_place(tmp_path, content, time, 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_timestamps_of_a_table_are_seconds_since_the_first(tmp_path, unit):
-    """Whatever they count, named as dates or not, or the only dates; a rate replaces them."""
     per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     stamps = pa.array([k * per_second for k in (2, 3, 4)], pa.timestamp(unit))
     path = tmp_path / "a.parquet"

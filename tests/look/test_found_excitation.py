@@ -84,7 +84,6 @@ def test_names_are_understood(heading, channel, unit, sign):
     assert (meant.channel, meant.unit, meant.sign) == (channel, unit, sign)
 
 
-@pytest.mark.parametrize("heading", ["roll_setpoint", "battery", "time_ms", "des_pitch", "gps"])
-def test_what_means_nothing_is_left_alone(heading):
-    """What was asked for is not what was measured."""
-    assert named(heading, "CSV") is None
+def test_what_means_nothing_is_left_alone():
+    for heading in ("roll_setpoint", "battery", "time_ms", "des_pitch", "gps"):
+        assert named(heading, "CSV") is None

@@ -179,18 +179,14 @@ def test_a_table_of_anyone(tmp_path):
         same_response(runs(found, tmp_path), frequency, tolerance=0.03)
 
 
-def test_what_is_given_is_taken(tmp_path):
-    """A map's channel is no guess, and a wrong one is doubted with the option to try."""
+def test_what_is_given_is_taken_and_doubted(tmp_path):
+    """A map's channel is no guess; a wrong one, or a wrong unit of time, has the option to try."""
     path = anyones(tmp_path / "a.csv")
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
     given = {one.name: one.why == "given" for one in found.logs[0].channels}
     assert given == {"p": True, "phi": False, "lat": False}
     doubted = [said(one) for one in found.logs[0].findings if one.kind == "unit"]
     assert doubted == ["--channel p=rollRate:deg/s"]
-
-
-def test_a_wrong_unit_of_time_is_said(tmp_path):
-    """Milliseconds that the user declares as seconds: refused, with the option that is right."""
     found = look(anyones(tmp_path / "a.csv"), time=Clock("time_ms", "s"))
     (finding,) = (one for one in found.logs[0].findings if one.kind == "unit of time")
     assert "its steps are 20 s" in finding.text
@@ -258,31 +254,25 @@ def test_nothing_to_identify_is_said(tmp_path, capsys):
         look([])
 
 
-def named(path, control, rate, scale=1.0, flip=1.0):
+def named(path, control, rate, scale=1.0):
     """Write a roll sweep with a control and a rate of these names, and the bank."""
     _, lat, p, phi = rolled()
-    stamps, columns = sampled(50.0, 0.0, 3, lat, flip * scale * p, phi / RAD_PER_DEG)
+    stamps, columns = sampled(50.0, 0.0, 3, lat, scale * p, phi / RAD_PER_DEG)
     header = f"time_us,{control},{rate},bank"
     np.savetxt(path, np.column_stack([stamps, *columns]), delimiter=",", header=header, comments="")
     return path
 
 
-def test_short_names_of_controls_are_known_and_unknown_ones_asked_for(tmp_path, capsys):
+def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
+    """Of a doubtful sign, rate's or bank's, one can't know which: the command can't mend it."""
     found = look(named(tmp_path / "a.csv", "ail_cmd", "roll_rate"))
     assert [one.channel for one in found.logs[0].excitations] == ["lat"]
     assert main(["look", str(named(tmp_path / "b.csv", "foo", "roll_rate"))]) == 1
     assert "--channel lat=COLUMN:percent" in " ".join(capsys.readouterr().out.split())
-
-
-def test_a_unit_in_a_name_that_cannot_be_is_doubted(tmp_path):
     found = look(named(tmp_path / "a.csv", "ail_cmd", "p_rad_s", scale=1.0 / RAD_PER_DEG))
     doubted = [said(one) for one in found.logs[0].findings if one.kind == "unit"]
     assert doubted == ["--channel p=p_rad_s:deg/s"]
-
-
-def test_a_doubtful_sign_is_to_be_settled_first(tmp_path, capsys):
-    """The rate or the bank: one can't know which, so that the command can't mend it."""
-    assert main(["look", str(named(tmp_path / "a.csv", "ail_cmd", "roll_rate", flip=-1.0))]) == 0
+    assert main(["look", str(named(tmp_path / "a.csv", "ail_cmd", "roll_rate", scale=-1.0))]) == 0
     assert "settle first" in capsys.readouterr().out
     assert main(["look", str(named(tmp_path / "b.csv", "ail_cmd", "roll_rate"))]) == 0
     assert "settle first" not in capsys.readouterr().out

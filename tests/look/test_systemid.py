@@ -7,13 +7,7 @@ import helisim as hs
 from helisim.base.errors import InputError, LogError
 from helisim.logs import Column
 from helisim.look.sweeps import SID_AXES, usual_step
-from helisim.look.systemid import (
-    estimate_fits,
-    followed_band,
-    infer,
-    sent_yaw,
-    tail_servo,
-)
+from helisim.look.systemid import estimate_fits, followed_band, infer, sent_yaw, tail_servo
 from sid_logs import TRUTH, SidLog, flown, four_axes
 
 HZ = 2.0 * np.pi
@@ -37,7 +31,6 @@ def one_sweep(folder, axis=12, **options):
 
 
 def test_axes_are_those_of_ardupilots_documentation():
-    """SID_AXIS as its parameter documentation lists it: place and axis of each value."""
     words = [
         "input roll", "input pitch", "input yaw", "recovery roll", "recovery pitch",
         "recovery yaw", "rate roll", "rate pitch", "rate yaw", "mixer roll", "mixer pitch",
@@ -83,12 +76,9 @@ def test_each_sweep_is_a_record_with_what_was_injected(tmp_path):
     np.testing.assert_allclose(roll["mixer_roll"], expected, atol=1e-7)  # single precision
     assert not roll["mixer_yaw"].any()
     assert not yaw["mixer_roll"].any()
-    np.testing.assert_allclose(
-        roll["lat"], np.interp(roll.time - roll.time[0], time, commands[:, 0]), atol=1e-7
-    )
-    np.testing.assert_allclose(
-        roll["p"], np.interp(roll.time - roll.time[0], time, motion[:, 0]), atol=1e-6
-    )
+    for name, true, single in (("lat", commands, 1e-7), ("p", motion, 1e-6)):
+        expected = np.interp(roll.time - roll.time[0], time, true[:, 0])
+        np.testing.assert_allclose(roll[name], expected, atol=single)
     assert roll.provenance["sweep"]["name"] == "mixer roll"
 
 
@@ -113,7 +103,7 @@ def test_what_a_fit_holds_besides_the_vehicle_is_said(tmp_path):
     assert any("at 0.1, 0, -0.2 m (INS_POS1)" in one for one in found.diagnostics)
 
 
-def test_a_sweep_that_ends_at_once_is_left_out_and_said(tmp_path):
+def test_sweeps_that_end_at_once_or_move_positions_are_left_out_and_said(tmp_path):
     """Three periods of its lowest frequency take longer, or it had no time to rise."""
     log = SidLog().sweep(12, stop=3.0, **SHORT).sweep(12, stop=8.0, length=60.0)
     log.sweep(12, **SHORT)
@@ -121,6 +111,13 @@ def test_a_sweep_that_ends_at_once_is_left_out_and_said(tmp_path):
     assert len(found.logs[0].used) == 1
     assert "not used: it stays at one frequency" in str(found)
     assert "not used: it lasts 2.99 s, 3 periods take 4 s" in str(found)
+    log = SidLog().sweep(16, **SHORT).sweep(12, **SHORT)
+    found = infer(log.save(tmp_path))
+    assert "disturbance right velocity" in str(found)
+    assert [one.name for one in found.injected] == ["mixer_yaw"]
+    with pytest.raises(LogError, match=r"identifies the vehicle: SID_AXIS 16 at .* s, 17 at") as no:
+        infer(SidLog().sweep(16, **SHORT).sweep(17, **SHORT).save(tmp_path, "b.bin"))
+    assert str(no.value).count("too slow for the vehicle") == 1
 
 
 def test_a_sweep_whose_settings_were_dropped_is_found_by_what_it_did(tmp_path):
@@ -140,21 +137,9 @@ def test_a_gap_of_seconds_splits_a_sweep_and_ends_it_not(tmp_path):
     found = infer(one_sweep(tmp_path, keep=(time < 9.0) | (time > 10.5)))
     assert found.logs[0].sweeps[0].complete
     (log,) = found.read()
-    assert [record.duration for record in log.records] == [
-        pytest.approx(8.9, abs=0.1), pytest.approx(5.4, abs=0.1),
-    ]  # fmt: skip
+    assert [record.duration for record in log.records] == pytest.approx([8.9, 5.4], abs=0.1)
     short = infer(one_sweep(tmp_path, keep=(time < 1.5) | (time > 3.0)))
     assert [len(log.records) for log in short.read()] == [1]
-
-
-def test_axes_of_positions_are_told_and_not_used(tmp_path):
-    log = SidLog().sweep(16, **SHORT).sweep(12, **SHORT)
-    found = infer(log.save(tmp_path))
-    assert "disturbance right velocity" in str(found)
-    assert [one.name for one in found.injected] == ["mixer_yaw"]
-    with pytest.raises(LogError, match=r"identifies the vehicle: SID_AXIS 16 at .* s, 17 at") as no:
-        infer(SidLog().sweep(16, **SHORT).sweep(17, **SHORT).save(tmp_path, "b.bin"))
-    assert str(no.value).count("too slow for the vehicle") == 1
 
 
 @pytest.mark.parametrize("axis", [3, 6, 9])
@@ -195,7 +180,7 @@ def test_vehicles_and_logs_choose_the_structures(tmp_path):
     assert any("not a helicopter" in one for one in found.diagnostics)
 
 
-def test_channels_and_rate_can_be_overruled(tmp_path):
+def test_channels_rate_and_sweeps_can_be_chosen(tmp_path):
     path = one_sweep(tmp_path)
     found = infer(path, channels={"r": Column("RATE.Y", "deg/s")}, resample_hz=80.0)
     (log,) = found.read()
@@ -204,33 +189,27 @@ def test_channels_and_rate_can_be_overruled(tmp_path):
     assert found.fit("tf:0/1", ("ped",), ("r",)).reference == ("mixer_yaw",)
     with pytest.raises(InputError, match="'lat' of rollpitch wasn't swept"):
         found.fit("rollpitch", ("lat", "lon"), ("p", "q"))
-
-
-@pytest.mark.parametrize(
-    ("axes", "without", "said", "set_"),
-    [
-        ((10,), ("SIDS", "SIDD"), "the mode SystemID was flown, but no SIDS", "LOG_BITMASK"),
-        ((10,), ("RATE",), "no RATE messages beside the sweeps", "LOG_BITMASK"),
-        ((), (), "no SystemID messages", "SID_AXIS"),
-    ],
-)
-def test_a_log_that_lacks_messages_says_what_to_set(tmp_path, axes, without, said, set_):
-    log = SidLog(without=without)
-    for axis in axes:
-        log.sweep(axis, **SHORT)
-    with pytest.raises(LogError, match=said) as caught:
-        infer(log.save(tmp_path))
-    assert set_ in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_limits_choose_among_sweeps(tmp_path):
     path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
     second = infer(path).logs[0].sweeps[1]
     found = infer(path, start=second.start - 1.0)
     assert [one.axis for one in found.logs[0].sweeps] == [12]
     with pytest.raises(LogError, match="no sweep lies within the limits"):
         infer(path, start=1000.0)
+
+
+@pytest.mark.parametrize(
+    ("without", "said"),
+    [
+        (("SIDS", "SIDD"), r"the mode SystemID was flown, but no SIDS.*LOG_BITMASK"),
+        (("RATE",), r"no RATE messages beside the sweeps.*LOG_BITMASK"),
+        (None, r"no SystemID messages.*SID_AXIS"),
+    ],
+)
+def test_a_log_that_lacks_messages_says_what_to_set(tmp_path, without, said):
+    log = SidLog() if without is None else SidLog(without=without).sweep(10, **SHORT)
+    with pytest.raises(LogError, match=said) as caught:
+        infer(log.save(tmp_path))
+    assert "\n" not in str(caught.value)
 
 
 def test_steps_that_alternate_are_no_dropped_messages():
@@ -279,9 +258,8 @@ def test_a_band_begins_where_the_structure_follows():
     truth = 50.0 / (s + 3.0) * np.exp(-0.01 * s)
 
     def frf(values):
-        return hs.FrequencyResponse.exact(
-            frequency, values[None, None], inputs=("ped",), outputs=("r",)
-        )
+        names = {"inputs": ("ped",), "outputs": ("r",)}
+        return hs.FrequencyResponse.exact(frequency, values[None, None], **names)
 
     whole = (0.5, 50.0)
     assert followed_band(frf(truth), hs.structures.yaw_base, whole, searches=2) == whole

@@ -12,16 +12,8 @@ import pytest
 from helisim.vehicle.parameters import models_folder
 
 DRAWN = 2  # the geom group
-MASSIVE = {
-    "boom",
-    "mast",
-    "swashplate",
-    "hub_block",
-    "tail_case",
-    "flight_computer",
-    "skid_left",
-    "skid_right",
-}
+MASSIVE = {"boom", "mast", "swashplate", "hub_block", "tail_case", "flight_computer"}
+MASSIVE |= {"skid_left", "skid_right"}
 """Primitives that carry their part's mass; fuselage and blades have inertial elements."""
 MORE = {
     "jr700": {"battery_left", "battery_right", "gyro", "safety_bar_1", "safety_bar_2"},
@@ -55,14 +47,8 @@ def rebuilt(name, tmp_path_factory):
 
 
 def build(folder: Path, job: str) -> str:
-    run = subprocess.run(
-        [sys.executable, folder / "build.py", job],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=True,
-    )
-    return run.stdout
+    command = [sys.executable, folder / "build.py", job]
+    return subprocess.check_output(command, text=True, timeout=300)
 
 
 def test_only_the_named_parts_have_a_mass(name, folder):
@@ -90,22 +76,16 @@ def test_meshes_are_what_build_makes(folder, rebuilt):
     assert len(made) > 10
     for name, path in made.items():
         mine, theirs = (
-            [line.split() for line in file.read_text().splitlines() if line.startswith("v ")]
+            [line.split()[1:] for line in file.read_text().splitlines() if line.startswith("v ")]
             for file in (path, stored[name])
         )
+        mine, theirs = np.array(mine, dtype=float), np.array(theirs, dtype=float)
         # written to 10 micrometres: another machine's rounding may change the last digit
-        np.testing.assert_allclose(
-            np.array(mine)[:, 1:].astype(float),
-            np.array(theirs)[:, 1:].astype(float),
-            atol=2e-5,
-            rtol=0,
-            err_msg=name,
-        )
+        np.testing.assert_allclose(mine, theirs, atol=2e-5, rtol=0, err_msg=name)
 
 
 @pytest.mark.slow
 def test_the_readme_has_the_parts_that_build_prints(folder):
-    """The table under Parts is build.py's, to the character."""
     printed = build(folder, "parts")
     assert "total" in printed
     assert printed in (folder / "README.md").read_text()

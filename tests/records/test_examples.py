@@ -1,8 +1,5 @@
 """The recorded logs that come with helisim."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -30,6 +27,8 @@ def test_each_is_a_short_record_with_its_origin(logs):
             flown = record.provenance["excitation"]
             assert (flown["kind"].lower(), flown["axis"]) == (kind, axis)
             assert record.provenance["vehicle"] == "jr700"
+    with pytest.raises(UnknownNameError, match=r"unknown example 'sweep'; available: sweep_col"):
+        hs.open_example("sweep")
 
 
 @pytest.mark.parametrize(
@@ -103,13 +102,7 @@ def test_the_script_makes_them(logs, jr700, tmp_path):
     assert (FOLDER / "logger.toml").read_text(encoding="utf-8") == maker.MAP
 
 
-def test_an_unknown_name_lists_those_that_there_are():
-    with pytest.raises(UnknownNameError, match=r"unknown example 'sweep'; available: sweep_col"):
-        hs.open_example("sweep")
-
-
 def test_they_are_copied_for_other_commands(tmp_path, capsys):
-    """Twice does no harm; a file of the user's own is left as it is, and nothing is written."""
     folder = tmp_path / "new" / "logs"
     assert cli.main(["examples", "--to", str(folder)]) == 0
     assert "Written: 8 files in" in capsys.readouterr().out
@@ -123,13 +116,3 @@ def test_they_are_copied_for_other_commands(tmp_path, capsys):
     assert "logger.csv: exists and is another file" in capsys.readouterr().err
     assert mine.read_text() == "mine"
     assert not (folder / "sweep_lat.parquet").exists()
-
-
-def test_opening_one_needs_no_simulator():
-    code = (
-        "import sys, helisim as hs\n"
-        "hs.examples(); hs.open_example('sweep_lat'); hs.open_example('logger')\n"
-        "print(*sorted({'mujoco', 'numba', 'matplotlib'} & set(sys.modules)))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""

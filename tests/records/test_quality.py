@@ -82,7 +82,6 @@ def test_rest_is_not_death():
 @pytest.mark.filterwarnings("error")
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=150, max_size=300))
 def test_any_numbers_are_looked_at(values):
-    """However large, without a warning; what is found is inside."""
     array = np.array(values)
     assert spikes(array).shape == array.shape
     assert all(0 <= one.first <= one.last < array.size for one in frozen_runs(array))

@@ -1,7 +1,4 @@
-"""A record: what it holds, refuses, hands on as a table, and what importing it loads."""
-
-import subprocess
-import sys
+"""A record: what it holds, refuses, and hands on as a table."""
 
 import numpy as np
 import pandas as pd
@@ -41,7 +38,7 @@ def test_channels_are_addressed_by_name():
     assert {"col", "lon", "lat", "ped"} < set(caught.value.available)
 
 
-def test_a_record_can_not_be_changed():
+def test_a_record_can_not_be_changed_and_its_sample_time_needs_uniform_samples():
     values = np.zeros((5, 2))
     provenance = {"seed": 3}
     record = make_record(values=values, provenance=provenance)
@@ -56,10 +53,6 @@ def test_a_record_can_not_be_changed():
         record.provenance["seed"] = 5  # type: ignore[index]
     with pytest.raises(AttributeError):
         record.time = values  # type: ignore[misc]
-
-
-def test_the_sample_time_needs_uniform_samples():
-    """A gap is reported with its row and never resampled in silence."""
     assert make_record().sample_time == pytest.approx(0.01, rel=1e-12)  # rounding of a mean
     assert make_record().duration == pytest.approx(0.04, rel=1e-12)
     with pytest.raises(RecordError, match=r"step after row 2 is 0\.02 s"):
@@ -99,27 +92,3 @@ def test_a_dataframe_has_numbers_units_and_origin():
     assert frame.attrs["provenance"]["vehicle"] == "jr700"
     frame.iloc[0, 0] = 7.0  # it is the user's own
     assert RECORD["lat"][0] != 7.0
-
-
-HEAVY = ("scipy", "pyarrow", "matplotlib", "control", "numba", "mujoco", "pyulog", "pymavlink")
-
-
-@pytest.mark.parametrize(
-    "module", ["helisim.records.record", "helisim.records.storage", "helisim.logs"]
-)
-def test_records_load_no_heavy_library(module):
-    """Each would cost every command its start: scipy.signal alone takes half a second."""
-    code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.split() == []
-
-
-def test_a_flight_is_flown_without_pyplot():
-    """python-control brings it, at half a second."""
-    code = (
-        "import sys; import helisim as hs\n"
-        "hs.fly(hs.load('jr700'), hs.Doublet(axis='lat', duration=8.0))\n"
-        "print('control' in sys.modules, 'matplotlib' in sys.modules)\n"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.split() == ["False", "False"]

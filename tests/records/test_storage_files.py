@@ -56,7 +56,6 @@ def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkey
     "name", ["Flüge und Läufe/日本 1.json", 'it\'s "a" % {file} #1.json', "é" * 120 + ".json"]
 )
 def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
-    """Blanks, quotes, other alphabets, and names as long as a file system allows."""
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     write_json({"name": name}, path)
@@ -90,7 +89,6 @@ def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read
     ["", 'a "b" \\ c', "two\nlines", "\x7f\x1f", "é", True, 3, 0.1, 1e-300, math.inf, ["a", [1]]],
 )
 def test_a_toml_value_comes_back(value):
-    """Text of any characters, numbers to the last bit, lists in lists; so do keys, quoted."""
     assert tomllib.loads(f"x = {toml_value(value)}") == {"x": value}
 
 

@@ -217,12 +217,5 @@ def swept(
 ) -> Aircraft:
     """Return an aircraft with two sweeps an axis."""
     common: dict[str, Any] = {"band": band, "duration": duration, "off_axis": off_axis}
-    return Aircraft(
-        name,
-        rig,
-        tuple(
-            Sweep(axis=axis, amplitude=amplitude, **common)
-            for axis, amplitude in amplitudes.items()
-            for _ in range(2)
-        ),
-    )
+    sweeps = [Sweep(axis=axis, amplitude=size, **common) for axis, size in amplitudes.items()]
+    return Aircraft(name, rig, tuple(one for one in sweeps for _ in range(2)))

@@ -1,7 +1,6 @@
 """Every aircraft of known truth by name, in its rig and with its sweeps.
 
-The models and their sources are in `published` and `fixed_wing`; how
-the first three fly is said here.
+The models and their sources are in `published`; how the first three fly is said here.
 """
 
 from collections.abc import Callable
@@ -9,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import published
 from closed_loop import Aircraft, Rig, Sweep, quadratic_gain, swept
-from fixed_wing import f_16
 
 
 def boeing_747() -> Aircraft:
@@ -40,15 +38,12 @@ def blade_360() -> Aircraft:
         noise={**dict.fromkeys(("p", "q", "r"), 0.01), **dict.fromkeys(("u", "v", "w"), 0.02)},
         gust={"u": 0.15, "v": 0.15, "w": 0.15, "p": 0.5, "q": 0.5, "r": 0.25},
     )
+    cyclic = {"band": (0.3, 110.0), "amplitude": 0.1}
+    other = {"band": (0.3, 30.0), "amplitude": 0.05}
     sweeps = [
-        Sweep(
-            axis=axis,
-            band=(0.3, 110.0) if axis in ("lat", "lon") else (0.3, 30.0),
-            amplitude=0.1 if axis in ("lat", "lon") else 0.05,
-            duration=90.0,
-            off_axis=0.001,
-        )
-        for axis in ("lat", "lat", "lon", "lon", "ped", "ped", "col", "col")
+        Sweep(axis=axis, duration=90.0, off_axis=0.001, **kind)
+        for axis, kind in zip(("lat", "lon", "ped", "col"), (cyclic, cyclic, other, other))
+        for _ in range(2)
     ]
     return Aircraft("blade_360", rig, tuple(sweeps))
 
@@ -75,5 +70,5 @@ FLEET: dict[str, Callable[[], Aircraft]] = {
     "boeing_747": boeing_747,
     "blade_360": blade_360,
     "lynx": lynx,
-    "f_16": f_16,
+    "f_16": published.f_16,
 }

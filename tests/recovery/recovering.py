@@ -8,16 +8,9 @@ import numpy as np
 from closed_loop import Aircraft
 from numpy.typing import NDArray
 
+from helisim import ident
 from helisim.cli.logs import resolved_band
-from helisim.ident import (
-    ClosedLoopWarning,
-    CrossControlWarning,
-    Fit,
-    FrequencyResponse,
-    RecordQualityWarning,
-    frequency_response,
-    identify,
-)
+from helisim.ident import Fit, FrequencyResponse, frequency_response, identify
 from helisim.records.record import FlightRecord
 
 
@@ -69,7 +62,8 @@ def estimated(
 ) -> FrequencyResponse:
     """Return the response with default options, the sticks as references where a loop is closed."""
     with warnings.catch_warnings():
-        for category in (ClosedLoopWarning, CrossControlWarning, RecordQualityWarning):
+        for name in ("ClosedLoop", "CrossControl", "RecordQuality"):
+            category = getattr(ident, f"{name}Warning")
             warnings.simplefilter("ignore", category)  # the response's flags repeat them
         return frequency_response(
             records,
@@ -83,10 +77,8 @@ def estimated(
 
 def excess(fit: Fit, aircraft: Aircraft) -> dict[str, float]:
     """Return each parameter's |error| over its bound."""
-    return {
-        name: abs(fit[name].value - value) / bound(fit, name)
-        for name, value in aircraft.truth.items()
-    }
+    truth = aircraft.truth.items()
+    return {name: abs(fit[name].value - value) / bound(fit, name) for name, value in truth}
 
 
 def bound(fit: Fit, name: str) -> float:

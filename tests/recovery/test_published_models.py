@@ -1,6 +1,5 @@
 """Published aircraft are transcribed as printed, and feedback biases what ignores it."""
 
-import fixed_wing
 import numpy as np
 import published
 import pytest
@@ -55,7 +54,7 @@ def test_the_f_16_in_radians_is_the_one_in_degrees():
             [0.0, 0.0, 0.0, 0.0, 0.0, -20.2],
         ]
     )
-    model = linear(fixed_wing.f_16_structure(), fixed_wing.F_16)
+    model = linear(published.f_16_structure(), published.F_16)
     assert_same_poles(model.poles, np.linalg.eigvals(a))
     degrees = 180.0 / np.pi
     washed = np.zeros((7, 7))

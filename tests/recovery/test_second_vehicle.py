@@ -16,16 +16,12 @@ def results() -> Results:
     return recover("blade360", flights=1, seed=2)
 
 
-def test_published_derivatives_are_recovered(results):
-    """Each judged parameter is within its tolerance of truth and of what is published."""
+def test_published_derivatives_are_recovered_from_nothing_but_the_records(results):
+    """Each within its tolerance of truth and of what is published, with a bound."""
     # 3 % of the main derivatives, 10 % of couplings and delays: reasons in helisim/recovery.py
     assert not results.misses
     found = {row.name for table in results.tables for row in table.parameters}
     assert found == set(published("blade360").targets)
-
-
-def test_nothing_but_the_records_is_given(results):
-    """No value was handed to a fit: all that is printed was estimated, with a bound."""
     for table in results.tables:
         assert not table.given
         assert all(row.cr_percent is not None for row in table.parameters)

@@ -76,21 +76,10 @@ def test_a_wrong_model_of_an_unstable_aircraft_is_not_acceptable(changes):
     assert found.j_rms > 3.0 * verified("blade_360").j_rms
 
 
-ROLL = Structure.from_dict(
-    {
-        "name": "roll",
-        "inputs": ["lat"],
-        "outputs": ["p"],
-        "states": ["p"],
-        "F": {"p": {"p": "L_p"}},
-        "G": {"p": {"lat": "L_lat"}},
-        "H0": {"p": {"p": 1}},
-        "parameters": {
-            "L_p": {"unit": "1/s", "start": 1.0},
-            "L_lat": {"unit": "1/s^2", "start": 1.0},
-        },
-    }
-)
+FREE = {"L_p": {"unit": "1/s", "start": 1.0}, "L_lat": {"unit": "1/s^2", "start": 1.0}}
+MATRICES = {"F": {"p": {"p": "L_p"}}, "G": {"p": {"lat": "L_lat"}}, "H0": {"p": {"p": 1}}}
+NAMES = {"name": "roll", "inputs": ["lat"], "outputs": ["p"], "states": ["p"]}
+ROLL = Structure.from_dict({**NAMES, **MATRICES, "parameters": FREE})
 STEP, GROWTH, EFFECT, NOISE = 0.02, 0.8, 5.0, 0.05
 
 
@@ -115,14 +104,16 @@ def roll(effect: float = EFFECT):
     return exactly(ROLL, L_p=GROWTH, L_lat=effect)
 
 
-def test_the_exact_flight_is_predicted_exactly():
-    """Without noise nothing is left in any segment, and a sensor's bias is found."""
+def test_the_exact_flight_is_predicted_and_a_gain_that_is_off_shows_as_its_share():
+    """A sensor's bias is found; 0.7 of the effect leaves Theil's coefficient of 0.3 / 1.7."""
     found = verify(roll(), rolled(1500, bias=0.3, noise=0.0))
     assert found.j_rms < 1e-10
     assert found.traces[0].bias[0] == pytest.approx(0.3, abs=1e-9)
     assert found.approach.kind == "segments"
     assert found.approach.growth < 8.001  # three doublings
     assert np.max(np.diff(found.traces[0].starts)) <= 3.0 * np.log(2.0) / GROWTH + STEP
+    found = verify(roll(effect=0.7 * EFFECT), rolled(3000, noise=0.0))
+    assert found.tic == pytest.approx(0.3 / 1.7, rel=1e-3)
 
 
 def test_numbers_that_are_estimated_do_not_shrink_the_error():
@@ -142,12 +133,6 @@ def test_the_states_of_segments_flatter_no_model():
     (trace,) = found.traces
     mean = np.mean(trace.measured, axis=0)
     assert theil(trace.measured - mean, trace.predicted - mean) < ACCEPTABLE_TIC
-
-
-def test_a_gain_that_is_off_shows_as_its_share():
-    """0.7 of the effect leaves 0.3 of what tells: Theil's coefficient is 0.3 / 1.7."""
-    found = verify(roll(effect=0.7 * EFFECT), rolled(3000, noise=0.0))
-    assert found.tic == pytest.approx(0.3 / 1.7, rel=1e-3)
 
 
 def test_units_of_outputs_change_no_coefficient():

@@ -53,26 +53,13 @@ def made_result():
     axis = AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05)
     yaw = YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2)
     law = AttitudeCommand(lat=axis, lon=axis, ped=yaw)
-    judged = tuple(
-        Judged(
-            spec,
-            spec.criterion.rate(Roll(3.0)),
-            spec.criterion.rate(Roll()),
-            spec.criterion.rate(Roll(5.5)),
-            0.5,
-            (spec.criterion.rate(Roll(5.5)), spec.criterion.rate(Roll(4.5))),
-        )
-        for spec in SPECS
-    )
-    return DesignResult(
-        before=law,
-        law=law.replace({"lat.k_rate": 0.0625}),
-        judged=judged,
-        margin=0.1,
-        share=0.5,
-        drawn=2,
-        provenance={"made_by": "<a test>"},
-    )
+    judged = []
+    for spec in SPECS:
+        before, now, one, other = map(spec.criterion.rate, map(Roll, (3.0, 5.0, 5.5, 4.5)))
+        judged.append(Judged(spec, before, now, one, 0.5, (one, other)))
+    found = {"judged": tuple(judged), "margin": 0.1, "share": 0.5, "drawn": 2}
+    changed = law.replace({"lat.k_rate": 0.0625})
+    return DesignResult(before=law, law=changed, **found, provenance={"made_by": "<a test>"})
 
 
 @pytest.fixture(scope="module")
@@ -80,28 +67,18 @@ def proof():
     """Of the same, measured in noise, as if it were another loop."""
     measured = margins(flown(known_loop(), seed=3, noise=0.02), band=(4.0, 9.0), draws=10).loop
     table = compare(SPECS, predicted=Roll(), exact=Roll(5.1), flown=measured)
-    events, before = (
-        {"step_lat": make_flight(seed=k), "gust": make_flight(seed=k + 1)} for k in (1, 3)
-    )
-    return Proof(
-        table=table,
-        sweeps={},
-        events=events,
-        stops={"lat": 0.125},
-        exact=Roll(5.1),
-        measured=measured,
-        predicted=Roll(),
-        before=before,
-        remarks=("a remark & more",),
-    )
+    names = ("step_lat", "gust")
+    events, before = ({one: make_flight(seed=k) for one in names} for k in (1, 3))
+    loops = {"exact": Roll(5.1), "measured": measured, "predicted": Roll()}
+    told = {"stops": {"lat": 0.125}, "remarks": ("a remark & more",)}
+    return Proof(table=table, sweeps={}, events=events, before=before, **loops, **told)
 
 
 def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path):
     path = write_design_page(tmp_path / "report.html", made_result(), proof=proof, before=Roll(3.0))
     text = path.read_text(encoding="utf-8")
-    (row,) = [
-        row for row in Page(text).rows if row[:3] == ["roll", "stability margins", "phase margin"]
-    ]
+    wanted = ["roll", "stability margins", "phase margin"]
+    (row,) = [row for row in Page(text).rows if row[:3] == wanted]
     compared = proof.table[0].intervals["phase_margin"]
     assert row[3:5] == ["deg", "45"]
     # of k / s e^-Ts: 90 deg less k T, at its crossover k
@@ -120,10 +97,13 @@ def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path)
     assert Page(text).figures == charts
 
 
-def test_a_design_that_did_not_fly_has_a_page(tmp_path):
+def test_a_design_that_did_not_fly_has_a_page_and_is_shown(tmp_path):
     text = write_design_page(tmp_path / "a.html", made_result(), predicted=Roll()).read_text()
     assert 'id="loop_lat"' in text
     assert 'id="numbers"' not in text
+    result = made_result()
+    assert len(result.plot().axes) == 3
+    assert "Level 1 in 50 % of 2 models drawn" in result._repr_html_()
 
 
 def test_a_loop_as_measured_has_bars_of_its_draws(proof):
@@ -136,12 +116,6 @@ def test_a_loop_as_measured_has_bars_of_its_draws(proof):
         assert np.all(bars.y <= bars.top)
         inside = (bars.y <= dots.y) & (dots.y <= bars.top)
         assert np.mean(inside) > 0.9
-
-
-def test_a_design_is_plotted_and_shown_in_a_notebook():
-    result = made_result()
-    assert len(result.plot().axes) == 3
-    assert "Level 1 in 50 % of 2 models drawn" in result._repr_html_()
 
 
 def test_a_gust_before_and_after_is_one_recording(proof, jr700, tmp_path):

@@ -13,17 +13,15 @@ from helisim.base.errors import InputError
 from helisim.handling.criteria import Limit, Rating, StabilityMargins
 from helisim.handling.spec import known_criteria
 from helisim.ident import FrequencyResponse
+from helisim.show import page, plots, tables
 from helisim.show.canvas import to_figure
 from helisim.show.charts import Shown, draw_chart
 from helisim.show.figure import Drawing, Mark, Panel, Scale, extent, outline
-from helisim.show.plots import (
-    beside,
-    draw_bode,
-    draw_pair,
-    draw_verifications,
-    pairs_of,
-    phase_degrees,
-)
+from helisim.show.plots import beside, draw_bode, draw_pair, phase_degrees
+from helisim.show.table import PERCENT, as_text, common_form, number, table
+from helisim.show.terminal import render_results
+from helisim.study.comparison import ComparisonTable, ParameterRow
+from helisim.study.results import Exclusion, Results
 from made_run import make_model
 
 OMEGA = np.geomspace(0.3, 30.0, 200)
@@ -38,8 +36,8 @@ NEEDED = {
 @pytest.fixture(scope="module")
 def drawings() -> list[Drawing]:
     item = make_model("rollpitch_in1", verified=True)
-    pairs = [draw_pair(item, *pair) for pair in pairs_of(item.fit)]
-    return [*pairs, *draw_verifications("time", item.verification)]
+    pairs = [draw_pair(item, *pair) for pair in plots.pairs_of(item.fit)]
+    return [*pairs, *plots.draw_verifications("time", item.verification)]
 
 
 @pytest.mark.parametrize(
@@ -56,15 +54,12 @@ def test_ticks_are_round_numbers(low, high, most, steps, texts):
     assert Scale.of(low, high, most=most, steps=steps).texts == texts
 
 
-def test_every_range_has_two_ticks_and_few():
+def test_every_range_has_two_ticks_and_few_and_a_constant_has_none():
     rng = np.random.default_rng(1)
     for _ in range(500):
         low = rng.normal() * 10.0 ** rng.uniform(-3.0, 3.0)
         scale = Scale.of(low, low + 10.0 ** rng.uniform(-5.0, 5.0), most=4)
         assert 2 <= len(set(scale.texts)) == len(scale.ticks) <= 8
-
-
-def test_what_rounding_left_of_a_constant_is_no_range():
     assert extent([np.array([0.1, 0.1 + 2.776e-17])]) == pytest.approx((0.09, 0.11))
     assert extent([np.full(3, np.nan)]) == (-1.0, 1.0)
 
@@ -113,9 +108,8 @@ def test_noise_below_the_coherent_band_moves_no_phase():
 
 def test_bars_reach_two_random_errors():
     """A tenth of random error is bars of 20 %, and of 0.2 rad; an exact model leaves nothing."""
-    one = FrequencyResponse.exact(
-        OMEGA, (1.0 / (S + 1.0))[None, None], inputs=["lat"], outputs=["p"]
-    )
+    lag = (1.0 / (S + 1.0))[None, None]
+    one = FrequencyResponse.exact(OMEGA, lag, inputs=["lat"], outputs=["p"])
     data = replace(one, random_error=np.full((1, 1, OMEGA.size), 0.1))
     panels = draw_bode("", "p", "lat", data, identified=one).panels
     for panel, half in ((panels[0], 20.0 * np.log10(1.2)), (panels[2], np.rad2deg(0.2))):
@@ -167,7 +161,7 @@ def test_every_criterion_has_a_chart_with_its_levels(name):
     assert not re.search(r'="[^"]*nan', drawing.svg)
 
 
-def test_a_rating_lies_at_its_figures():
+def test_a_rating_lies_at_its_figures_or_widens_its_chart():
     criterion = StabilityMargins(axis="lat")
     figures = {"gain_margin": 8.0, "phase_margin": math.radians(50.0)}
     around = [{"gain_margin": 8.0 + k, "phase_margin": math.radians(50.0 - k)} for k in range(3)]
@@ -178,9 +172,6 @@ def test_a_rating_lies_at_its_figures():
     np.testing.assert_allclose(cloud.y, [50.0, 49.0, 48.0])
     np.testing.assert_allclose(interval.y, [48.0, 53.0])
     assert (point.label, cloud.label) == ("flown", "")
-
-
-def test_what_lies_beyond_a_chart_widens_it_and_infinity_is_at_its_end():
     both = [
         Shown(name, {"gain_margin": gain, "phase_margin": 1.0})
         for name, gain in (("x", 99.0), ("y", math.inf), ("z", math.nan))
@@ -190,9 +181,6 @@ def test_what_lies_beyond_a_chart_widens_it_and_infinity_is_at_its_end():
     (endless,) = [mark for mark in drawing.panels[0].marks if mark.label == "y"]
     assert endless.x[0] == 99.0
     assert "z" not in {mark.label for mark in drawing.panels[0].marks}
-
-
-def test_ratings_are_plotted_one_several_or_by_label():
     criterion = StabilityMargins(axis="lat")
     one = Rating(criterion, {"gain_margin": 8.0, "phase_margin": 1.0}, 1, 0.3)
     assert len(criterion.plot(one).axes) == 1
@@ -201,3 +189,83 @@ def test_ratings_are_plotted_one_several_or_by_label():
     assert words == {"Level 1", "Level 2", "Level 3", "predicted", "flown"}
     with pytest.raises(InputError, match="expected ratings by stability_margins, got 3"):
         criterion.plot({"flown": [3]})
+
+
+ROW = {"name": "L_b", "unit": "1/s^2", "identified": 541.2345, "truth": 539.5, "paper": 539.5}
+ROW |= {"cr_percent": 3.14159, "insensitivity_percent": 0.987, "support": "good"}
+ROW |= {"tolerance_percent": 3.0, "tolerance_reason": "asked for"}
+TABLE = {"name": "rollpitch_in1", "input": "IN1", "cost": 1.2345, "band_rad_s": (3.0, 30.0)}
+
+
+def make_row(**changes) -> ParameterRow:
+    return ParameterRow(**{**ROW, **changes})
+
+
+def make_table(*rows: ParameterRow) -> ComparisonTable:
+    return ComparisonTable(**TABLE, parameters=rows)
+
+
+@pytest.mark.parametrize(
+    ("value", "form", "text"),
+    [
+        (-0.0, ".4g", "0"),
+        (-0.00004, ".2f", "0.00"),
+        (-1e-9, ".1e", "-1.0e-09"),
+        (2.5, "+.2f", "+2.50"),
+        (0.01234, PERCENT, "0.012"),
+        (9.94, PERCENT, "9.9"),
+        (23.12, PERCENT, "23"),
+        (5e6, PERCENT, "5e+06"),
+        (float("inf"), PERCENT, "inf"),
+        (None, PERCENT, "-"),
+    ],
+)
+def test_a_number_alone(value, form, text):
+    assert number(value, form) == text
+
+
+def test_a_rows_numbers_share_their_decimals():
+    forms = {(0.0,): ".3f", (3602.6, 1.0): ".0f", (-0.05, None, math.inf): ".5f", (1e-7,): ".3e"}
+    assert {values: common_form(values) for values in forms} == forms
+
+
+def test_a_table_reads_as_expected_on_the_terminal_and_on_the_page():
+    found = table("", "speed [m/s]|how<*", [("3", "a < b")])
+    assert as_text(found).split() == ["speed", "m/s", "-----", "3"]
+    text = page.table(found)
+    assert ">speed, m/s</th>" in text
+    assert "a &lt; b" in text
+    assert page.table(table("", "a", [])) == ""
+    unknown = {"truth": None, "paper": None, "tolerance_percent": None}
+    shown = make_table(
+        make_row(),
+        make_row(name="tau_lon", unit="s", identified=-0.0085, truth=-0.0083, paper=None),
+        make_row(name="bias", identified=1.0, cr_percent=None, support=None, **unknown),
+    )
+    assert as_text(tables.comparison(shown)).splitlines() == [
+        "rollpitch_in1: from IN1, 3 to 30 rad/s, average cost 1.23",
+        "parameter  unit   paper      truth  identified  CR %  support  agreement",
+        "-" * 72,
+        "L_b        1/s^2  539.5      539.5       541.2   3.1  good     agrees",
+        "tau_lon    s          -  -0.008300   -0.008500   3.1  good     agrees",
+        "bias       1/s^2      -          -       1.000     -  -        not judged",
+        "given: nothing",
+    ]
+
+
+def test_the_widest_table_fits_80_columns():
+    found = {"identified": -0.00083456, "truth": -0.0008, "paper": -0.0008}
+    bounds = {"cr_percent": float("inf"), "insensitivity_percent": 5e6, "support": "degenerate"}
+    wide = make_row(name="tau_r_base", unit="rad/s^2", **found, **bounds, tolerance_percent=None)
+    left = Exclusion(flight="lat_07", reason="less coherent", coherence=0.97123, limit=0.98, kept=3)
+    ended = Exclusion(flight="lat_08", reason="terminated early", ended="flapping at 2.00 s " * 9)
+    shown = (make_table(wide, make_row(identified=700.0)),)
+    results = Results(tables=shown, seed=1, versions={}, excluded=(left, ended))
+    text = render_results(results)
+    assert max(map(len, text.splitlines())) <= 80
+    assert "Left out:\n- flight lat_07: its mean coherence of 0.9712 is not among the best" in text
+    assert "1 missed:\n- rollpitch_in1: L_b is 700 1/s^2, 29.7 % from the truth's 539.5" in text
+    assert not any(line.lstrip().startswith("%") for line in text.splitlines())
+    good = Results(tables=(make_table(make_row()),), seed=1, versions={})
+    assert render_results(good).endswith("All tolerances hold.")
+    assert render_results(Results(tables=(), seed=1, versions={})) == ""

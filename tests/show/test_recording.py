@@ -59,7 +59,8 @@ def written(tmp_path_factory, model):
     return record, path, read(path)
 
 
-def test_the_signals_come_back(written):
+def test_signals_pose_and_rotor_come_back(written):
+    """North, east, down, and body axes as phi, theta, psi turn them; the disc by b and a."""
     record, path, found = written
     for (family, _), names in families(record, record.names).items():
         entity = found[f"/lat\\ 1/{rr.escape_entity_path_part(family)}"]
@@ -73,17 +74,9 @@ def test_the_signals_come_back(written):
     assert log["TextLog:text"].ravel().tolist() == ["hover", "flare"]
     assert log["time"].tolist() == [20_000_000, 1_500_000_000]
     assert len(RrdReader(path).blueprints()) == 1
-
-
-def test_the_pose_is_the_records(written):
-    """Translations are north, east, down; quaternions turn body axes as phi, theta, psi do."""
-    record, _, found = written
     pose = found["/lat\\ 1/world/helicopter"]
-    np.testing.assert_allclose(
-        numbers(pose["Transform3D:translation"]).reshape(-1, 3),
-        record.select(POSITIONS)[::2],
-        atol=20 * SINGLE,
-    )
+    place = numbers(pose["Transform3D:translation"]).reshape(-1, 3)
+    np.testing.assert_allclose(place, record.select(POSITIONS)[::2], atol=20 * SINGLE)
     x, y, z, w = numbers(pose["Transform3D:quaternion"]).reshape(-1, 4).T
     # aerospace sequence, yaw then pitch then roll, by its quaternion in closed form
     # (Diebel, "Representing attitude", 2006, section 8.11)
@@ -99,11 +92,7 @@ def test_the_pose_is_the_records(written):
     actual = np.array([x, y, z, w])
     actual *= np.sign(np.sum(actual * expected, axis=0))  # both signs are the same attitude
     np.testing.assert_allclose(actual, expected, atol=SINGLE)
-
-
-def test_the_rotor_tilts_with_the_tip_path_plane_and_turns(written):
-    """Blades turn clockwise from above, slowed, in a disc tilted ten times by b and a."""
-    record, _, found = written
+    # blades turn clockwise from above, slowed, in a disc tilted ten times by b and a
     rotor = found["/lat\\ 1/world/helicopter/rotor"]
     drawn = Rotation.from_quat(numbers(rotor["Transform3D:quaternion"]).reshape(-1, 4))
     a, b, time = record["a"][::2], record["b"][::2], record.time[::2]
@@ -120,13 +109,9 @@ def test_a_log_without_the_rotors_truth_is_drawn(tmp_path, model):
     strange = (channel("p"), channel("LAT"), Channel("rpm", "1/min", "OTHER"))
     short = FlightRecord([0.0, 1.0], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], strange)
     told = []
-    path = write_recording(
-        tmp_path / "real.rrd",
-        {"f": make_flight(names), "s": short},
-        model=model,
-        on_progress=told.append,
-    )
-    found = read(path)
+    both = {"f": make_flight(names), "s": short}
+    path = tmp_path / "real.rrd"
+    found = read(write_recording(path, both, model=model, on_progress=told.append))
     assert told == ["f", "s"]
     assert "/f/world/helicopter" in found
     signals = {name for name in found if name.startswith("/s/")}

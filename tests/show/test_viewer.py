@@ -1,15 +1,23 @@
+import shutil
+import socket
+import sys
 from contextlib import nullcontext
 
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.show.viewer import SLOWED, TILT_GAIN, aim, prepare_live, watch
+from helisim.show.viewer import SLOWED, TILT_GAIN, Watched, aim, prepare_live, seen, watch
 from helisim.sim import Doublet
+from helisim.sitl import Aircraft
+from helisim.sitl.link import Frame
 from helisim.vehicle import load
 from helisim.vehicle.trim import addresses
+from off_screen import Clock, on_display
+from script import SCRIPTS
 
 
 class Window:
@@ -17,30 +25,15 @@ class Window:
 
     def __init__(self, pictures: int) -> None:
         self.left = pictures
-        self.shown = 0
 
     def is_running(self) -> bool:
         return self.left > 0
 
     def sync(self) -> None:
         self.left -= 1
-        self.shown += 1
 
     def lock(self):
         return nullcontext()
-
-
-class Clock:
-    """A clock that only sleeping moves."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
 
 
 def test_a_hover_is_flown_in_real_time(jr700):
@@ -49,7 +42,7 @@ def test_a_hover_is_flown_in_real_time(jr700):
     window = Window(61)
     flown = watch(flight, window, clock=clock, sleep=clock.sleep)
     assert flown > 0.9
-    assert flown == pytest.approx(clock.now - 100.0, abs=0.02)  # a picture
+    assert flown == pytest.approx(clock.now, abs=0.02)  # a picture
     assert np.linalg.norm(flight.data.qpos[:3] - start) < 0.1
 
 
@@ -136,3 +129,110 @@ def test_what_is_drawn_changes_no_flight(jr700):
             mujoco.mj_step(alone.model, alone.data)
     for name in ("qpos", "qvel", "act", "time"):
         np.testing.assert_array_equal(getattr(watched.data, name), getattr(alone.data, name))
+
+
+IDLE = (1500, 1500, 1500, 1500, 0, 0, 0, 1000)
+SPUN_UP = (*IDLE[:7], 1700)
+
+
+class SitlWindow:
+    """A window that keeps what it is shown."""
+
+    def __init__(self, data) -> None:
+        self.pictures, self.is_open, self.data = [], True, data
+
+    def is_running(self):
+        return self.is_open
+
+    def sync(self):
+        self.pictures.append((self.data.qpos.copy(), self.data.geom("blade_1").xpos.copy()))
+
+    def lock(self):
+        return nullcontext()
+
+
+@pytest.fixture(scope="module")
+def flown(jr700):
+    """An aircraft, and all of it that is seen."""
+    aircraft = Aircraft(jr700)
+    return aircraft, seen(aircraft)
+
+
+@pytest.fixture
+def watched(flown):
+    """An aircraft on the ground, its window, and a clock that only the test moves."""
+    aircraft, flight = flown
+    aircraft.reset()
+    window, clock = SitlWindow(flight.data), [0.0]
+    return aircraft, window, Watched(aircraft, flight, window, clock=lambda: clock[0]), clock
+
+
+def fly(aircraft, shown, clock, pulses, frames):
+    """Fly frames in real time; return whether the window ended it."""
+    over = False
+    for number in range(frames):
+        clock[0] += 1e-3
+        over = shown.on_frame(Frame(1000, number, pulses), aircraft.step(pulses))
+    return over
+
+
+def test_pictures_come_sixty_times_a_second_until_the_window_is_closed(watched):
+    aircraft, window, shown, clock = watched
+    assert not fly(aircraft, shown, clock, IDLE, 500)
+    assert len(window.pictures) == 1 + 500 // 17
+    np.testing.assert_allclose(window.pictures[-1][0], aircraft.data.qpos, atol=1e-3)
+    assert not shown.on_wait()
+    window.is_open = False
+    assert shown.on_wait()
+    assert fly(aircraft, shown, clock, IDLE, 20)
+
+
+@pytest.mark.slow
+def test_a_rotor_turns_as_it_spins_up(watched):
+    aircraft, window, shown, clock = watched
+    fly(aircraft, shown, clock, IDLE, 200)
+    still = np.array([blade for _, blade in window.pictures])
+    assert np.ptp(still, axis=0).max() < 1e-4
+    begun = len(window.pictures)
+    fly(aircraft, shown, clock, SPUN_UP, 1000)
+    turning = np.diff([blade for _, blade in window.pictures[begun:]], axis=0)
+    steps = np.linalg.norm(turning, axis=1)
+    assert steps[-1] > 2.0 * steps[20] > 0.0
+
+
+SEEN = """
+import os, sys, threading
+from PIL import ImageGrab
+from helisim.cli import main
+from played_autopilot import PlayedAutopilot
+
+def fly():
+    autopilot = PlayedAutopilot(int(sys.argv[1]), resend=0.2)
+    drawn = False
+    while not drawn and autopilot.count < 100_000:  # a renderer without a graphics card is slow
+        for _ in range(400):
+            autopilot.frame((1500,) * 7 + (1700,), patience=100.0)
+        picture = ImageGrab.grab(xdisplay=os.environ["DISPLAY"])
+        drawn = len(picture.convert("RGB").getcolors(10**6)) > 1000
+    picture.save("seen.png")
+
+threading.Thread(target=fly).start()
+sys.exit(main(["sitl", "--view", "--port", sys.argv[1], "--wait", "5"]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt install xvfb")
+def test_a_real_window_shows_it(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    done = on_display(
+        tmp_path, sys.executable, "-c", SEEN, str(port), more=[str(SCRIPTS / "proof")]
+    )
+    assert done.returncode == 0, done.stderr
+    assert "00 frames" in done.stdout
+    picture = np.asarray(Image.open(tmp_path / "seen.png").convert("RGB"), dtype=float)
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    orange = (red > 130.0) & (green < 0.7 * red) & (blue < 0.5 * red)
+    assert orange.sum() > 100  # its canopy's stripe, and the tips of its blades

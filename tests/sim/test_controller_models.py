@@ -14,7 +14,7 @@ from helisim.physics.layout import STATE
 from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.trim import addresses
 
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
 
@@ -23,7 +23,7 @@ def same(one, other):
     return np.array_equal(one.values, other.values)
 
 
-def test_without_a_controller_the_servos_are_the_callers(jr700):
+def test_without_a_controller_the_servos_are_the_callers_also_in_a_flight(jr700):
     """Nothing overwrites their `ctrl`, in steps of one's own."""
     model, data = copy.copy(jr700.model), jr700.hovering()
     hs.set_controller(model, None)
@@ -37,9 +37,6 @@ def test_without_a_controller_the_servos_are_the_callers(jr700):
     assert data.sensor("servo_command").data.tolist() == wanted
     found = data.act[where.state : where.state + 8 : 2]
     assert found == pytest.approx(wanted, abs=1e-3)  # the servos are there after 0.2 s
-
-
-def test_without_a_controller_a_flight_is_of_the_base_helicopter(jr700):
     step = hs.Step(axis="ped", amplitude=0.02, trim_time=1.0, duration=2.0, at="servos")
     plan = hs.FlightPlan(excitation=step, pilot=hs.Pilot(remnant=0.0))
     truth = next(simulate(jr700.with_controller(None), plan, jobs=1))
@@ -54,7 +51,6 @@ def test_without_a_controller_a_flight_is_of_the_base_helicopter(jr700):
 
 
 def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
-    """The keyframe's are those of the shipped gyro."""
     path = model_folder("jr700") / "jr700.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     started = []
@@ -72,42 +68,6 @@ def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
     with hs.installed():
         mujoco.mj_step(model, data, 3)
     assert [state.tolist() for state in started] == [[0.0] * 8]
-
-
-def test_helicopters_in_one_scene_have_controllers_of_their_own(jr700):
-    """By prefix; each flies as it does alone, and the third by its servos' `ctrl`."""
-    path = str(model_folder("jr700") / "jr700.xml")
-    controllers = (*own_laws.attitude_controllers(jr700), None)
-    world = mujoco.MjSpec.from_string(
-        '<mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0" '
-        'gravity="0 0 -9.8015"/></mujoco>'
-    )
-    for k in range(3):
-        frame = world.worldbody.add_frame(pos=[0.0, 5.0 * k, 0.0])
-        world.attach(mujoco.MjSpec.from_file(path), prefix=f"{k}/", frame=frame)
-    model = world.compile()
-    data = mujoco.MjData(model)
-    single = mujoco.MjModel.from_xml_path(path)
-    ends = []
-    for k, controller in enumerate(controllers):
-        hs.set_controller(model, controller, prefix=f"{k}/")
-        alone = copy.copy(single)
-        hs.set_controller(alone, controller)
-        own, where = addresses(alone), addresses(model, f"{k}/")
-        other = mujoco.MjData(alone)
-        place(alone, other, jr700.trim)
-        other.ctrl[own.control + 2] = 0.03
-        data.qpos[7 * k : 7 * k + 7] = other.qpos
-        data.act[where.state : where.state + alone.na] = other.act
-        data.ctrl[where.control : where.control + 9] = other.ctrl
-        with hs.installed():
-            mujoco.mj_step(alone, other, 100)
-        ends.append(other)
-    with hs.installed():
-        mujoco.mj_step(model, data, 100)
-    for k, other in enumerate(ends):
-        assert np.array_equal(data.qpos[7 * k : 7 * k + 7], other.qpos)
-    assert len({end.qpos.tobytes() for end in ends}) == 2  # python and njit are the same
 
 
 def test_threads_of_rollout_take_turns_in_a_python_law(jr700):

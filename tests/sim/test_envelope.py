@@ -146,16 +146,15 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
         assert shape.closer_than(min(gear, discs) + off, place, turns).all() == closer
 
 
-def test_the_record_goes_to_the_end_and_is_marked(wild):
+def test_the_record_goes_to_the_end_is_marked_and_refused_by_the_identification(
+    wild, jr700, tmp_path
+):
+    """By its place among the records; told to, it takes it, as it does without the mark."""
     record = wild.record
     end = record.provenance["ended"]
     assert record.ended == f"{end['why']} at {end['at']:.2f} s"
     assert str(wild).startswith(record.ended)
     assert 0.0 < end["at"] - record.time[-1] <= 0.01
-
-
-def test_the_identification_refuses_a_flight_that_was_over(jr700, tmp_path, wild):
-    """By its place among the records; told to, it takes it, as it does without the mark."""
     good = fly(jr700, Sweep(axis="lat", duration=20.0), seed=3, jobs=1)[0]
     asked = {"inputs": "LAT", "outputs": "p", "band": (10.0, 30.0)}
     with pytest.raises(IdentificationError, match=r"record 2 .*terminated early.*use_ended"):

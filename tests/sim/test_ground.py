@@ -137,7 +137,6 @@ def test_the_deck_moves_as_it_is_told(integrator):
 
 
 def test_heights_above_a_slope_and_a_deck():
-    """Distances from planes through the origin, by their normals."""
     north_rise = Ground(slope=0.3)
     point = np.array([[[1.0, 5.0, -2.0]]])
     normal = np.array([-math.sin(0.3), 0.0, -math.cos(0.3)])
@@ -170,7 +169,7 @@ def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
     )
 
 
-def test_it_takes_off_by_itself(jr700):
+def test_it_takes_off_by_itself_and_a_landing_is_no_end(jr700):
     """Parked, the pilot that holds a height climbs there, and the ground lets go at once."""
     still, weather = replace(STILL, duration=10.0), hs.Weather(height=1.5)
     parked = {"pilot": QUIET, "ground": Ground(parked=True), "weather": weather}
@@ -180,10 +179,7 @@ def test_it_takes_off_by_itself(jr700):
     assert flight.contact[0] == pytest.approx([0.0, 0.0, -weight], abs=0.08 * weight)
     assert not flight.contact[200:].any()
     assert -flight.positions[-1, 2] == pytest.approx(1.5, abs=0.2)
-
-
-def test_a_landing_is_no_end(jr700):
-    """Let down with a second of less collective, it stands; in the air alone that is the end."""
+    # let down with a second of less collective, it stands; in the air alone that is the end
     down = pushed("col", -0.03, Ground(), height=0.35, duration=8.0)
     flight = flown(jr700, down)
     assert flight.end is None

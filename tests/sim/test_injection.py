@@ -5,27 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from helisim import Chirp, Doublet, FlightEnvelope, FlightPlan, History, Multisine, Pilot, Pulse
 from helisim.base.errors import InputError
 from helisim.ident import frequency_response
 from helisim.physics.layout import INJECTION
 from helisim.records.storage import read_record, write_record
-from helisim.sim import (
-    Chirp,
-    Doublet,
-    FlightEnvelope,
-    FlightPlan,
-    History,
-    Multisine,
-    Pilot,
-    Pulse,
-    Recorder,
-    Sequence,
-    Step,
-    Together,
-    fly,
-    read_plan,
-    write_plan,
-)
+from helisim.sim import Recorder, Sequence, Step, Together, fly, read_plan, write_plan
 from helisim.sim.excitation import injection
 from helisim.vehicle import load
 

@@ -4,19 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
+from helisim import Multisine, Pulse, Sequence, Step, Sweep, ThreeTwoOneOne, Together
 from helisim.physics.layout import PARAM, SWEEP
-from helisim.sim import (
-    Chirp,
-    Doublet,
-    History,
-    Multisine,
-    Pulse,
-    Sequence,
-    Step,
-    Sweep,
-    ThreeTwoOneOne,
-    Together,
-)
+from helisim.sim import Chirp, Doublet, History
 from helisim.sim.excitation import step_times
 
 TIME = step_times(20.0, 0.002)
@@ -43,8 +33,8 @@ def test_multisteps_are_the_same_elsewhere(kind, at, axis, column):
     assert np.count_nonzero(added[at].any(axis=0)) == 1
 
 
-def test_a_chirp_is_scipys():
-    """The phase, and so the frequency, of scipy.signal.chirp, a quarter of a turn later."""
+def test_a_chirp_is_scipys_and_fades_in_and_out():
+    """The phase of scipy.signal.chirp, a quarter of a turn later; half a cosine over the fade."""
     settings = {"amplitude": 0.1, "band": (0.5, 30.0), "trim_time": 2.0, "fade": 0.0}
     made = Chirp(axis="ped", duration=20.0, **settings)
     inside = (TIME >= 2.0) & (TIME <= 18.0)
@@ -53,10 +43,6 @@ def test_a_chirp_is_scipys():
     # SciPy's phase of 76 rad is rounded: 1e-13
     assert made.wave(TIME)[inside] == pytest.approx(expected, abs=1e-12)
     assert not made.wave(TIME)[~inside].any()
-
-
-def test_a_chirp_fades_in_and_out():
-    """By half a cosine over the fade; at its ends it is zero."""
     settings = {"axis": "lat", "amplitude": 0.1, "band": (5.0, 6.0), "duration": 20.0}
     faded = Chirp(**settings, fade=2.0).wave(TIME)
     plain = Chirp(**settings, fade=0.0).wave(TIME)
@@ -125,7 +111,6 @@ def test_bands_and_amplitudes_are_the_vehicles_own(jr700):
 
 
 def test_a_sequence_is_its_parts_one_after_the_other():
-    """Each as it is alone, from its own beginning; pauses between; nested too."""
     first = Step(axis="lat", amplitude=0.05, trim_time=1.0, duration=3.0)
     second = Chirp(axis="r", at="sensors", amplitude=0.2, band=(1.0, 20.0), duration=6.0,
                    trim_time=1.0)  # fmt: skip

@@ -254,7 +254,6 @@ def test_a_law_that_fails_ends_the_flight(jr700, how):
     ],
 )
 def test_a_law_that_returns_something_else_ends_before_the_flight(jr700, law, says):
-    """At its first tick: there is no record."""
     with pytest.raises(DivergedError, match=says):
         hs.fly(jr700, FAST, controller=law, keep_ended=True, jobs=1)
 

@@ -151,7 +151,6 @@ def test_a_name_that_is_taken_is_refused():
 
 
 def test_a_record_says_what_was_flown(jr700, tmp_path):
-    """Kind and settings, a digest of the sticks; and the plan can be flown again from it."""
     excitation = PythonDoublet(width=0.5)
     (flown,) = fly(jr700, excitation, seed=3, jobs=1)
     write_record(flown, tmp_path / "flown.parquet")
@@ -168,7 +167,6 @@ def test_a_record_says_what_was_flown(jr700, tmp_path):
 
 
 def test_3211_has_its_four_steps():
-    """3, 2, 1 and 1 units, each the other way, from the end of the trimmed stretch."""
     excitation = ThreeTwoOneOne(axis="ped", amplitude=0.1, unit=0.5, trim_time=1.0)
     middles = 1.25 + 0.5 * np.arange(-1, 8)
     sticks = excitation.sticks(middles)

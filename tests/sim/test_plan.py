@@ -1,15 +1,15 @@
-"""The flight plan: one value, the same in Python, as plain data, as TOML and in a record."""
+"""The flight plan: one value in Python, data, TOML and a record; what it can't have is refused."""
 
 import json
+import math
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from helisim.base.errors import InputError, StorageError
-from helisim.cli import main
-from helisim.records.storage import read_record
-from helisim.sim import (
+import helisim as hs
+from helisim import (
     Deck,
     Doublet,
     FlightEnvelope,
@@ -24,10 +24,13 @@ from helisim.sim import (
     Sweep,
     Swing,
     Weather,
-    fly,
-    read_plan,
-    write_plan,
+    sim,
 )
+from helisim.base.errors import InputError, StorageError
+from helisim.cli import main
+from helisim.records.storage import read_record
+from helisim.sim import faults, fly, multisine, read_plan, write_plan
+from helisim.sim.missions import autopilot
 from helisim.vehicle import load
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
@@ -64,7 +67,6 @@ def test_a_plan_comes_back_from_its_file_and_its_data(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
 def test_a_plan_on_a_vehicle_has_nothing_left_open(name):
-    """It is what the vehicle's own parameters say, also after a detour over TOML."""
     vehicle = load(name)
     plan = FlightPlan(excitation=Sweep(axis="ped")).on(vehicle)
     own = vehicle.parameters
@@ -98,7 +100,7 @@ def test_equal_numbers_make_equal_plans():
     [
         ("", "needs an excitation"),
         ("excitation = 'lat'", "excitation must be a table with a kind, one of "),
-        ("[excitation]\nkind = 'Wobble'\naxis = 'lat'", "unknown kind of plan.excitation 'Wobble'"),
+        ("[excitation]\nkind = 'Wobble'\naxis = 'lat'", "plan.excitation 'Wobble'; available: "),
         ("[excitation]\nkind = 'Sweep'", "plan.excitation needs axis"),
         ("[excitation]\nkind = 'Sweep'\naxis = 'lat'\nwidth = 1", "'width'; available: axis, "),
         ("@wind = 3", "'wind'; available: excitation, mission, pilot, recorder"),
@@ -121,14 +123,11 @@ def test_a_plan_that_can_not_be_is_refused(tmp_path, text, says):
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there_or_no_toml(tmp_path):
+def test_a_file_that_is_no_toml_and_a_record_of_others_have_no_plan(tmp_path, jr700):
     (tmp_path / "a.toml").write_text("[excitation", encoding="utf-8")
     for name, says in (("a.toml", "not TOML"), ("b.toml", "no such file")):
         with pytest.raises(StorageError, match=rf"{name}: {says}"):
             read_plan(tmp_path / name)
-
-
-def test_a_record_that_helisim_did_not_fly_has_no_plan(jr700):
     (record,) = fly(jr700, SHORT, seed=3, jobs=1)
     with pytest.raises(InputError, match="helisim didn't fly it"):
         FlightPlan.of_record(replace(record, provenance={}))
@@ -139,7 +138,6 @@ OPTIONS += ["--wind-from-deg", "90", "--fault", "sampleloss,share=0.1"]
 
 
 def test_a_printed_plan_flies_the_same(tmp_path, capsys):
-    """`--print-plan` flies nothing; `--plan` of what it printed gives the same file."""
     assert main(["fly", *OPTIONS, "--print-plan"]) == 0
     path = tmp_path / "plan.toml"
     path.write_text(capsys.readouterr().out, encoding="utf-8")
@@ -150,3 +148,44 @@ def test_a_printed_plan_flies_the_same(tmp_path, capsys):
         assert main(["fly", *asked, "--quiet", "--out", str(out)]) == 0
     assert files[0].read_bytes() == files[1].read_bytes()
     assert FlightPlan.of_record(read_record(files[1])) == read_plan(path)
+
+
+NAN, INF = math.nan, math.inf
+
+
+def four(**settings):
+    usual = {"amplitude": (0.03, 0.07, 0.07, 0.01), "band": (0.6, 40.0), "period": 10.0}
+    return multisine.Multisine(**{**usual, "duration": 26.0, **settings})
+
+
+TABLE = Path(__file__).with_name("refused.txt").read_text(encoding="utf-8").splitlines()
+"""Each with what is made, and what is said of it."""
+NAMES = {**vars(faults), **vars(autopilot), **vars(sim), **globals()}
+
+
+@pytest.mark.parametrize("line", TABLE)
+def test_what_can_not_be_is_one_line(jr700, line):
+    """Also what depends on the gyro's rate, or on what a vehicle has of its own."""
+    make, says = line.split(" => ")
+    with pytest.raises(InputError, match=says) as caught:
+        eval(make, {**NAMES, "OWN": jr700.parameters})  # the lines of that file
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [hs.Sweep, hs.Doublet])
+@pytest.mark.parametrize("name", ["duration", "trim_time", "amplitude"])
+@pytest.mark.parametrize("bad", [-1.0, 0.0, NAN, "1"])
+def test_times_and_amplitudes_are_finite_and_fit(kind, name, bad):
+    """No trimmed stretch is a stretch of 0 s; it leaves half of the flight at least."""
+    if (name, bad) != ("trim_time", 0.0):
+        with pytest.raises(InputError, match=name if name == "amplitude" else "duration|trim"):
+            kind(axis="lat", **{name: bad})
+    with pytest.raises(InputError, match=r"four times the trimmed stretch"):
+        kind(axis="lat", duration=3.0, trim_time=1.0)
+
+
+@pytest.mark.parametrize("name", hs.FlightEnvelope.__dataclass_fields__)
+@pytest.mark.parametrize("bad", [NAN, INF, -1.0])
+def test_a_limit_is_a_number_or_none(name, bad):
+    with pytest.raises(InputError, match=name):
+        hs.FlightEnvelope(**{name: bad})

@@ -7,17 +7,8 @@ import numpy as np
 import pytest
 
 from helisim.physics.native import installed
-from helisim.records.record import (
-    ACCELERATIONS,
-    CHANNELS,
-    IN2,
-    OUT,
-    POSITIONS,
-    RATES,
-    SERVO_POSITIONS,
-    SERVOS,
-    VELOCITIES,
-)
+from helisim.records import record as channels
+from helisim.records.record import CHANNELS, IN2, OUT, SERVO_POSITIONS, SERVOS
 from helisim.sim import Doublet, FlightPlan, Recorder, Sweep, fly
 from helisim.sim.flight import simulate
 from helisim.sim.recorder import Trajectory, read_trajectory
@@ -80,14 +71,14 @@ def in_body(bodies, vectors):
 
 
 def test_what_the_imu_measures_is_corrected_to_the_centre_of_gravity(tumbling):
-    """U v w lose omega x r, forces their kin; an arm that is off leaves omega x that."""
+    """Velocities lose omega x r, forces their kin; an arm that is off leaves omega x that."""
     truth, bodies, velocities, positions = tumbling
     right = record(truth, **WIDE, **PLAIN)
     wanted = in_body(bodies, velocities)
     # exact kinematics: rounding
-    assert right.select(VELOCITIES)[::2] == pytest.approx(wanted, abs=1e-12)
-    assert right.select(POSITIONS)[::2] == pytest.approx(positions * FRD, abs=1e-12)
-    seen = right.select(ACCELERATIONS)[::2]
+    assert right.select(channels.VELOCITIES)[::2] == pytest.approx(wanted, abs=1e-12)
+    assert right.select(channels.POSITIONS)[::2] == pytest.approx(positions * FRD, abs=1e-12)
+    seen = right.select(channels.ACCELERATIONS)[::2]
     # the specific force loses d(omega)/dt x r and omega x (omega x r) on the way there
     rate = np.gradient(velocities, STEP, axis=0)
     wanted = in_body(bodies, rate + np.array([0.0, 0.0, 9.8015]))
@@ -97,8 +88,8 @@ def test_what_the_imu_measures_is_corrected_to_the_centre_of_gravity(tumbling):
     assert seen[inner] == pytest.approx(wanted[inner], abs=2e-3)
     off = np.array([0.01, -0.02, 0.03])
     measured = record(truth, **WIDE, **PLAIN, lever_arm=tuple(truth.imu_offset + off))
-    left = np.cross(right.select(RATES), off)
-    shift = right.select(VELOCITIES) - measured.select(VELOCITIES)
+    left = np.cross(right.select(channels.RATES), off)
+    shift = right.select(channels.VELOCITIES) - measured.select(channels.VELOCITIES)
     assert shift == pytest.approx(left, abs=1e-13)  # rounding
     assert np.abs(left).max() > 0.01
 

@@ -7,20 +7,8 @@ import pytest
 from helisim.base.errors import InputError, RecordError, UnknownNameError
 from helisim.physics.layout import ACTUATORS
 from helisim.records.record import CHANNELS, FlightRecord
-from helisim.sim.rigs import (
-    PlumbLine,
-    bench_test,
-    centre_of_gravity,
-    drive,
-    hang,
-    hold,
-    loop_gains,
-    pedal_steps,
-    plumb_line,
-    run_rigs,
-    suspension_points,
-    turntable_test,
-)
+from helisim.sim import rigs
+from helisim.sim.rigs import bench_test, hang, hold, loop_gains, plumb_line, run_rigs
 from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.parameters import models_folder
@@ -79,7 +67,6 @@ def test_the_bench_gives_the_controllers_gains(ground):
 
 
 def test_the_turntable_gives_the_rate_gain(ground):
-    """k_a, given the bench's k_p and k_I, two ways, and the lead on the rate."""
     found = ground["turntable"]
     assert percent(found["k_a"]) < 0.5  # 0.01 to 0.1 % over seeds 1 to 3
     assert percent(found["k_a by k_p"]) < 2.0  # 0.1 to 0.5 %; with the bench's error of k_p
@@ -98,7 +85,7 @@ def test_the_turntable_gives_the_rate_gain(ground):
 def test_the_gains_found_are_those_of_the_vehicle_tested():
     vehicle = load(parameters=GAINS)
     bench = bench_test(vehicle)
-    table = turntable_test(vehicle, k_p=bench["k_p"], k_i=bench["k_I"])
+    table = rigs.turntable_test(vehicle, k_p=bench["k_p"], k_i=bench["k_I"])
     # tolerances of the shipped gyro; smaller gains move the servo less
     assert bench["k_p"].value == pytest.approx(GAINS["gyro.k_p"], rel=0.015)
     assert bench["k_I"].value == pytest.approx(GAINS["gyro.k_i"], rel=0.002)
@@ -133,7 +120,6 @@ def test_known_gains_come_back():
 
 
 def test_a_band_or_channel_that_tells_nothing_is_refused():
-    """Above the sampling's limit, and a signal that never moves."""
     record = made_up(0.0, -0.25, 20.0, 0.0, 0.0, 0.0)
     for band in ((3.0, 400.0), (3.0, 3.01)):
         with pytest.raises(InputError, match="resolves"):
@@ -161,23 +147,22 @@ def test_a_centre_of_gravity_elsewhere_is_found_there(jr700):
     """With the mass moved by centimetres, the plumb lines meet where it went."""
     held = hold(jr700, "suspension")
     held.model.body_ipos[held.model.body("jr700").id] += [0.02, -0.01, 0.015]
-    lines = [plumb_line(hang(held, name), at) for name, at in suspension_points(held).items()]
+    lines = [plumb_line(hang(held, name), at) for name, at in rigs.suspension_points(held).items()]
     # MuJoCo's left and up are the airframe's minus right and minus down
-    assert centre_of_gravity(lines) == pytest.approx([0.02, 0.01, -0.015], abs=1e-3)
+    assert rigs.centre_of_gravity(lines) == pytest.approx([0.02, 0.01, -0.015], abs=1e-3)
 
 
 def test_what_a_rig_can_not_measure_is_refused(jr700):
-    """A helicopter that swings, plumb lines that do not cross, a servo at its limit."""
     held = hold(jr700, "suspension")
     record = hang(held, "frame", duration=6.0)
     with pytest.raises(RecordError, match="still moves"):
-        plumb_line(record, suspension_points(held)["frame"])
-    line = PlumbLine(np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    beside = PlumbLine(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+        plumb_line(record, rigs.suspension_points(held)["frame"])
+    line = rigs.PlumbLine(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    beside = rigs.PlumbLine(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     with pytest.raises(InputError, match="two plumb lines"):
-        centre_of_gravity([line])
+        rigs.centre_of_gravity([line])
     with pytest.raises(InputError, match="another point"):
-        centre_of_gravity([line, beside])
+        rigs.centre_of_gravity([line, beside])
     with pytest.raises(UnknownNameError, match="point 'tail'; available: mast, frame"):
         hang(held, "tail")
     with pytest.raises(RecordError, match="limit"):
@@ -186,11 +171,11 @@ def test_what_a_rig_can_not_measure_is_refused(jr700):
 
 def test_a_record_says_where_it_comes_from(jr700):
     held = hold(jr700, "bench")
-    moved = {"test": pedal_steps, "duration": 5.0}
-    first, again, other = (drive(held, "PED", seed=seed, **moved) for seed in (4, 4, 5))
+    moved = {"test": rigs.pedal_steps, "duration": 5.0}
+    first, again, other = (rigs.drive(held, "PED", seed=seed, **moved) for seed in (4, 4, 5))
     assert first.provenance["rig"] == "bench"
     assert first.provenance["test"] == {"moves": "PED", "duration": 5.0}
     assert np.array_equal(first.values, again.values)
     assert not np.array_equal(first.values, other.values)
     with pytest.raises(InputError, match="seed"):
-        drive(held, "PED", seed=-1, **moved)
+        rigs.drive(held, "PED", seed=-1, **moved)

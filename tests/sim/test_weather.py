@@ -27,7 +27,6 @@ def down_in_body(attitudes):
 
 
 def test_time_step_does_not_matter():
-    """Half the step: the same noise at the same ticks, the same air."""
     calm, air = {"excitation": SHORT, "pilot": Pilot(remnant=0.0)}, []
     plan = FlightPlan(**calm, weather=Weather(turbulence="light"))
     for step in (0.002, 0.001):

@@ -105,7 +105,7 @@ def test_pulses_act_from_the_answer_before_them_on(falling):
 
 
 @pytest.mark.slow
-def test_it_spools_up_without_turning_and_runs_down():
+def test_it_spools_up_without_turning_and_runs_down_and_without_a_motor_follows_slowly():
     aircraft = Aircraft("jr700")
     sensed = held(aircraft, 12.0, SPOOLED)
     assert aircraft.rotor_speed == pytest.approx(1.0, abs=2e-3)
@@ -116,17 +116,13 @@ def test_it_spools_up_without_turning_and_runs_down():
     assert aircraft.rotor_speed < 0.45
     assert aircraft.stands
     assert not aircraft.crashed
-
-
-@pytest.mark.slow
-def test_without_a_motors_numbers_the_rotor_follows_slowly():
     aircraft = Aircraft("lynx")
     held(aircraft, 6.0, SPOOLED)
     assert aircraft.rotor_speed == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.slow
-def test_a_hard_landing_ends_the_flight_and_leaves_it_lying():
+def test_a_hard_landing_ends_the_flight_and_tipping_over_strikes_the_rotor():
     aircraft = Aircraft("jr700", recorded=True)
     aircraft.data.qpos[2] += 1.0
     sensed = held(aircraft, 3.0)
@@ -136,10 +132,6 @@ def test_a_hard_landing_ends_the_flight_and_leaves_it_lying():
     aircraft.reset()
     assert not aircraft.crashed
     assert aircraft.time == 0.0
-
-
-@pytest.mark.slow
-def test_tipping_over_strikes_the_rotor():
     aircraft = Aircraft("jr700")
     write_motion(aircraft.model, aircraft.data, Motion(phi=1.2, down=-0.8))
     held(aircraft, 1.0, SPOOLED)
@@ -173,9 +165,8 @@ def test_a_record_says_what_flew():
     held(aircraft, 1.0, SPOOLED)
     record = aircraft.record()
     assert record.duration == pytest.approx(1.0)
-    assert record["rotor_speed"][-1] == pytest.approx(
-        178.02 * aircraft.rotor_speed, rel=0.03
-    )  # which the recorder's filter has 10 ms later
+    # which the recorder's filter has 10 ms later
+    assert record["rotor_speed"][-1] == pytest.approx(178.02 * aircraft.rotor_speed, rel=0.03)
     assert record["servo_front"][-1] == pytest.approx(0.75 * (1234 - 1500) / 500, abs=1e-6)
     assert record.provenance["autopilot"] == {"rate_hz": 1000.0}
     assert record.ended == ""
@@ -190,8 +181,5 @@ def test_numbers_that_break_are_never_answered_nor_recorded():
     with pytest.raises(DivergedError, match="no finite state"):
         aircraft.step(LOW)
     assert aircraft.record().ended == "the flight has no finite state at 0.50 s"
-
-
-def test_what_can_t_be_is_refused():
     with pytest.raises(InputError, match="0 or more"):
         Aircraft("jr700", seed=-1)

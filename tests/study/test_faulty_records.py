@@ -74,10 +74,8 @@ def faulty(flown, *faults):
 
 def shift(fit, good):
     """Return the greatest difference of a parameter, in the second fit's standard errors."""
-    return max(
-        abs(fit[name].value - good[name].value) / good[name].standard_error
-        for name in good.parameters
-    )
+    pairs = [(fit[name].value, one) for name, one in good.parameters.items()]
+    return max(abs(value - one.value) / one.standard_error for value, one in pairs)
 
 
 @pytest.mark.parametrize(

@@ -151,11 +151,8 @@ def computed() -> dict[tuple[str, str], str]:
     margin = math.pi + float(np.angle(loop))
     lag = math.degrees(margin - omega * BASE["tau_r_base"])
     lead = 1e3 * (first["tau_lat"] - first["tau_lon"])
-    wide = sum(
-        (one.cr_percent or 0) > 20
-        for name in ("rollpitch_in1", "rollpitch_in2")
-        for one in JR700[name]
-    )
+    tables = (*JR700["rollpitch_in1"], *JR700["rollpitch_in2"])
+    wide = sum((one.cr_percent or 0) > 20 for one in tables)
     times = n_ped / n_r / (overall["b0"] / overall["a0"])
     tail = "Tail rotor speed is the gear ratio upside down"
     delay = "The base model's delay can't be in the gyro's loop"
@@ -183,7 +180,6 @@ def test_an_erratum_says_what_the_tables_give(place, expected):
 
 
 def test_errata_are_printed(capsys):
-    """`helisim errata` numbers them in 80 columns."""
     assert len({one.title for one in errata()}) == len(errata()) >= 20  # the design names eleven
     assert main(["errata"]) == 0
     text = capsys.readouterr().out

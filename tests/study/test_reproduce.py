@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -14,7 +16,6 @@ from helisim.sim import Recorder, Sweep
 from helisim.study import experiment
 from helisim.study.experiment import fly_sweeps
 from helisim.study.results import Exclusion, as_json
-from killing import kill_at
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
@@ -87,10 +88,8 @@ def test_another_truth_is_followed():
 def test_halving_the_time_step_changes_little(results):
     finer = hs.reproduce(flights=3, seed=1, timestep=0.001).results
     before, after = rows(results), rows(finer)
-    for name, limit in (
-        *((name, TIGHT_PERCENT) for name in TIGHT),
-        *((name, LOOSE_PERCENT) for name in LOOSE),
-    ):
+    limits = {**dict.fromkeys(TIGHT, TIGHT_PERCENT), **dict.fromkeys(LOOSE, LOOSE_PERCENT)}
+    for name, limit in limits.items():
         change = 100.0 * abs(after[name].identified / before[name].identified - 1.0)
         assert change < limit / 3.0, (name, change)
 
@@ -144,16 +143,14 @@ def test_the_records_alone_give_the_same_model(results, folder):
         if path.stem not in results.left_out
     ]
     assert len(flights) == 3
-    frf = hs.frequency_response(
-        flights, inputs="col", outputs="w", band=(0.3, 12.0), estimator="windows"
-    )
+    asked = {"inputs": "col", "outputs": "w", "band": (0.3, 12.0), "estimator": "windows"}
+    frf = hs.frequency_response(flights, **asked)
     fit = hs.identify(frf, hs.structures.heave)
     assert fit["Z_w"].value == results["heave"]["Z_w"].identified
 
 
 @pytest.mark.study
 def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
-    """Flown and identified again by one thread: every file is the same."""
     hs.reproduce(out=tmp_path, flights=3, seed=1, jobs=1)
     before, again = (
         {path.relative_to(run): path.read_bytes() for path in run.rglob("*") if path.is_file()}
@@ -223,3 +220,31 @@ def test_too_few_that_went_on_end_the_experiment(jr700, over):
     over(0, 1)
     with pytest.raises(DivergedError, match=r"2 of 2 sweeps of col .* ground at"):
         fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), None, lambda _: None)
+
+
+_HOLDING = """
+import os, sys, time
+from helisim.cli import main
+
+put_in_place = os.replace
+
+def hold(source, target):
+    if str(target).endswith(sys.argv[1]):
+        print("holding", flush=True)
+        time.sleep(600)
+    put_in_place(source, target)
+
+os.replace = hold
+sys.exit(main(sys.argv[2:]))
+"""
+"""Runs a command, and stops for good when a file of a certain name is about to be complete."""
+
+
+def kill_at(ending: str, *arguments: str) -> None:
+    """Run a command and kill it when it is at the file whose name ends so."""
+    command = [sys.executable, "-c", _HOLDING, ending, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        process.kill()
+    assert line == "holding\n"

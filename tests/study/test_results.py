@@ -13,27 +13,19 @@ from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.results import Exclusion, Results, as_json, read_models, write_models
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_model, make_verification
 
-INCOHERENT = Exclusion(
-    flight="lat_03", reason="less coherent", coherence=0.98765, limit=0.9912, kept=10
-)
-ENDED = Exclusion(
-    flight="ped_01", reason="terminated early", ended="it touched the ground at 12.50 s"
-)
-ROW = {
-    "name": "L_b",
-    "unit": "1/s^2",
-    "identified": 505.0,
-    "truth": 500.0,
-    "paper": 540.0,
-    "cr_percent": 4.0,
-    "insensitivity_percent": 1.5,
-    "tolerance_percent": 3.0,
-    "tolerance_reason": "asked for",
-    "paper_tolerance_percent": 10.0,
-    "paper_tolerance_reason": "the paper's bound",
-}
+COHERENT = {"coherence": 0.98765, "limit": 0.9912, "kept": 10}
+INCOHERENT = Exclusion(flight="lat_03", reason="less coherent", **COHERENT)
+TOUCHED = "it touched the ground at 12.50 s"
+ENDED = Exclusion(flight="ped_01", reason="terminated early", ended=TOUCHED)
+ROW = {"name": "L_b", "unit": "1/s^2", "identified": 505.0, "truth": 500.0, "paper": 540.0}
+ROW |= {"cr_percent": 4.0, "insensitivity_percent": 1.5}
+ROW |= {"tolerance_percent": 3.0, "tolerance_reason": "asked for"}
+ROW |= {"paper_tolerance_percent": 10.0, "paper_tolerance_reason": "the paper's bound"}
 """Truth 500 to 3 % is 485 to 515; paper 540 to 10 % is 486 to 594."""
 TABLE = {"name": "rollpitch_in1", "input": "IN1", "cost": 1.5, "band_rad_s": (3.0, 30.0)}
+
+
+LEFT = {"flight": "lat_01"}
 
 
 def make_row(**changes) -> ParameterRow:
@@ -54,18 +46,15 @@ def make_results(*rows: ParameterRow, given=(), **more) -> Results:
 def everything() -> Results:
     """Results with all that results can hold."""
     checked = make_verification(ident.structures.rollpitch)
+    given = {"name": "k_I", "unit": "1/s", "value": 17.7, "standard_error": 0.0014}
     return make_results(
         make_row(),
         make_row(name="unseen", cr_percent=math.inf),
         make_row(name="given", cr_percent=None, insensitivity_percent=None),
         make_row(name="free", truth=None, tolerance_percent=None),
-        given=(
-            GivenValue(name="k_I", unit="1/s", value=17.7, source="bench", standard_error=0.0014),
-        ),
-        ground={"bench": GROUND},
-        verification={"rollpitch_in1": checked.figures},
-        gyro_effect=GYRO_EFFECT,
-        eq_8=EQ_8,
+        given=(GivenValue(**given, source="bench"),),
+        **{"ground": {"bench": GROUND}, "verification": {"rollpitch_in1": checked.figures}},
+        **{"gyro_effect": GYRO_EFFECT, "eq_8": EQ_8},
     )
 
 
@@ -161,15 +150,9 @@ def test_results_come_back_from_json(results):
         ({"seed": "one"}, r"results\.seed must be an integer, got 'one'"),
         ({"tables": [{"name": "heave"}]}, r"tables\[0\] needs input and "),
         ({"excluded": ["flight 3 was bad"]}, r"excluded\[0\] must be a table .*'flight 3 was bad'"),
-        (
-            {"excluded": [{"flight": "lat_01", "reason": "disliked"}]},
-            "unknown .*reason 'disliked'; available: terminated early",
-        ),
-        ({"excluded": [{"flight": "lat_01", "reason": "less coherent"}]}, "needs coherence"),
-        (
-            {"eq_8": {**as_json(EQ_8), "band_rad_s": [1.0]}},
-            r"eq_8\.band_rad_s must be a list of 2 numbers",
-        ),
+        ({"excluded": [{**LEFT, "reason": "disliked"}]}, "'disliked'; available: terminated early"),
+        ({"excluded": [{**LEFT, "reason": "less coherent"}]}, "needs coherence"),
+        ({"eq_8": {**as_json(EQ_8), "band_rad_s": [1.0]}}, r"eq_8\.band_rad_s must be a list of 2"),
     ],
 )
 def test_what_is_no_result_is_refused(change, message):
@@ -198,15 +181,25 @@ def item():
     return make_model("rollpitch_in1", verified=True)
 
 
-def test_a_model_comes_back(tmp_path, item):
+def test_a_model_comes_back_and_another_file_is_refused(tmp_path, item):
     (read,) = read_models(write_models(tmp_path / "fits.json", [item]))
     assert (read.name, read.note, read.verified_on) == (item.name, item.note, item.verified_on)
     assert read.fit.values == item.fit.values
     np.testing.assert_array_equal(read.exact.response, item.exact.response)
-    np.testing.assert_array_equal(
-        read.verification.traces[0].predicted, item.verification.traces[0].predicted
-    )
+    found, kept = (one.verification.traces[0].predicted for one in (read, item))
+    np.testing.assert_array_equal(found, kept)
     assert read.verification.tic_by_output == item.verification.tic_by_output
+    path = tmp_path / "other.json"
+    with pytest.raises(StorageError, match=r"other\.json"):
+        read_models(path)
+    for text, says in (
+        ('{"format": "other"}', "its format is 'other'"),
+        ('{"format": "helisim fits, version 1", "models": [{}]}', "can't read a model"),
+        ('{"format": "helisim fits, version 1", "models": 3}', "models must be a list, got 3"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=says):
+            read_models(path)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +213,6 @@ def test_a_model_comes_back(tmp_path, item):
     ],
 )
 def test_a_damaged_model_is_refused(tmp_path, item, place, value):
-    """Text where a number must be, too: one line with the file's name."""
     path = write_models(tmp_path / "fits.json", [item])
     data = json.loads(path.read_text())
     at = data["models"][0]
@@ -231,17 +223,3 @@ def test_a_damaged_model_is_refused(tmp_path, item, place, value):
     with pytest.raises(InputError, match=re.escape(f"{path}: can't read a model: ")) as caught:
         read_models(path)
     assert "\n" not in str(caught.value)
-
-
-def test_another_file_is_refused(tmp_path):
-    path = tmp_path / "fits.json"
-    with pytest.raises(StorageError, match=r"fits\.json"):
-        read_models(path)
-    for text, says in (
-        ('{"format": "other"}', "its format is 'other'"),
-        ('{"format": "helisim fits, version 1", "models": [{}]}', "can't read a model"),
-        ('{"format": "helisim fits, version 1", "models": 3}', "models must be a list, got 3"),
-    ):
-        path.write_text(text)
-        with pytest.raises(InputError, match=says):
-            read_models(path)

@@ -12,18 +12,9 @@ from helisim.design.exact import air_met
 from helisim.ident import identify
 from helisim.sim import Recorder, Weather
 from helisim.sim.rigs import SWEPT, stick_sweep
+from helisim.study import models
 from helisim.study.experiment import servo_test
-from helisim.study.models import (
-    HEAVE,
-    HEAVE_SERVO,
-    MODELS,
-    ROLLPITCH_IN2,
-    ROLLPITCH_SERVO,
-    YAW_BASE,
-    YAW_BASE_SERVO,
-    YAW_GYRO,
-    YAW_OVERALL,
-)
+from helisim.study.models import HEAVE, MODELS, ROLLPITCH_IN2, YAW_BASE, YAW_GYRO, YAW_OVERALL
 from helisim.study.paper import published
 from helisim.study.truth import exact_response, true_values
 from helisim.study.tune import LOOPS, margins
@@ -54,16 +45,13 @@ def fitted_gyro(vehicle, recorder, **given):
 
 
 def test_the_yaw_gyros_structure_has_all_that_is_in_the_loop(jr700, recorder):
+    """N_r (1 + I_zz/(m l^2)): the tail's thrust moves the helicopter sideways, too."""
     fit = fitted_gyro(jr700, recorder)
     truth = true_values(jr700, YAW_GYRO, recorder)
     for name in (*GAINS, "N_r_slip", "tau_PED"):
         # 0.4 % measured: the lead as it is sampled, 0.1 ms of the loop's 10
         assert fit.values[name] == pytest.approx(truth[name], rel=0.006), name
-
-
-def test_the_damping_in_the_gyros_loop_is_that_of_a_slipping_helicopter(jr700, recorder):
-    """N_r (1 + I_zz/(m l^2)): the tail's thrust moves the helicopter sideways as it turns it."""
-    slip = true_values(jr700, YAW_GYRO, recorder)["N_r_slip"]
+    slip = truth["N_r_slip"]
     arm, mass = jr700.parameters["tail_rotor.arm_x"], 8.01
     share = jr700.parameters["airframe.izz"] / (mass * arm**2)
     # 0.1 %: the tail's thrust is not all of the force that side velocity makes
@@ -126,9 +114,8 @@ def test_tuning_again_prints_the_shipped_gains_and_the_margins(vehicle, capsys):
     for axis, gain, phase, *_ in rows:
         found = margins(vehicle, axis)
         # printed digits, and what 1e-3 of a gain does to them
-        assert [float(gain), float(phase)] == pytest.approx(
-            [found.gain_db, found.phase_deg], abs=0.2
-        )
+        close = pytest.approx([found.gain_db, found.phase_deg], abs=0.2)
+        assert [float(gain), float(phase)] == close
 
 
 @pytest.mark.parametrize("model", [YAW_OVERALL, ROLLPITCH_IN2], ids=lambda model: model.name)
@@ -164,7 +151,7 @@ def test_a_model_is_given_only_what_was_found_before_it(model):
     ("model", "percent"),
     # what is left: yaw's small couplings; speeds' smaller derivatives above 6 rad/s; the bank
     # angle, which a response without the conditioning on it still has
-    [(YAW_BASE_SERVO, 0.1), (ROLLPITCH_SERVO, 0.15), (HEAVE_SERVO, 0.4)],
+    [(models.YAW_BASE_SERVO, 0.1), (models.ROLLPITCH_SERVO, 0.15), (models.HEAVE_SERVO, 0.4)],
     ids=lambda one: getattr(one, "name", ""),
 )
 def test_the_structure_is_the_vehicle_s(jr700, model, percent):
@@ -194,12 +181,8 @@ def test_the_servos_are_found_within_their_errors():
         "servo.tail_damping": 0.9,
     }
     found = servo_test(load("jr700", parameters=changed), seed=3)
-    assert [one.name for one in found.findings] == [
-        "swash_omega",
-        "swash_zeta",
-        "tail_omega",
-        "tail_zeta",
-    ]
+    names = [f"{which}_{what}" for which in ("swash", "tail") for what in ("omega", "zeta")]
+    assert [one.name for one in found.findings] == names
     assert [one.truth for one in found.findings] == list(changed.values())
     for one in found.findings:
         assert abs(one.error) < 3.5 * one.standard_error

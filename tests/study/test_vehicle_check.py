@@ -1,15 +1,22 @@
-"""`helisim vehicle check`: a copy is broken in one way, and a sentence says it."""
+"""`helisim vehicle new` and `check`: a folder that flies at once; what breaks it is said."""
 
+import os
 import re
 import shutil
+import tomllib
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from helisim.base.errors import UnknownNameError
+from command import fails
+from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.base.note import Command, Option
 from helisim.cli import main
+from helisim.records.storage import read_record
 from helisim.study.check import Problem, check_vehicle
 from helisim.study.new_vehicle import new_vehicle
+from helisim.vehicle import load, standard_parameters
 from helisim.vehicle.parameters import vehicle_names
 
 PARAMETERS, CALIBRATED, TUNED, MJCF = "parameters.toml", "calibrated.toml", "tuned.toml", "own.xml"
@@ -36,34 +43,11 @@ def test_nothing_is_wrong_with_the_shipped(name, tmp_path):
 
 
 FILES = {"p": PARAMETERS, "c": CALIBRATED, "t": TUNED, "x": MJCF}
-WRONG = r"""
-p radius = { value = 0.767, unit = "|m ~ mm ~ main_rotor.radius is in 'm', not in 'mm'
-p radius = { value = |0.767 ~ 767 ~ main_rotor.radius = 767 m is implausible: it is usually 0.05 to
-p hub_|x = ~ ex = ~ did you mean hub_x?
-p |[servo] ~ [servos] ~ there is no section [servos]; did you mean [servo]?
-P |drag_area_z = { ~ # drag_area_z = { ~ parameter airframe.drag_area_z (m^2) is missing
-p ground_effect = { value = 0.0, unit = "1", |source ~ from ~ needs value (a number), unit and
-p ixx = { value = |0.2 ~ nan ~ parameter 'airframe.ixx' must be a finite number, got nan
-p [airframe|] ~  ~ not TOML: Expected ']'
-t [gyro]| ~ \nk_a = { value = 1.0, unit = "s/rad", source = "mine" } ~ 'gyro.k_a' is already defined
-C izz = { value = |<number> ~ 0.6 ~ inertia
-P period = { value = |0.002 ~ 0.003 ~ gyro.period
-p hub_z = { value = |-0.28 ~ -0.2 ~ is -0.2 m, and the site 'hub' of the MJCF is at -0.28 m; make
-p radius = { value = |0.767 ~ 0.8 ~ Z_w is -
-t kp_lat = { value = |<number> ~ 0.954 ~ ; tune
-X <gyro name="imu|_gyro" ~ gyro" ~ imu_gyro
-X <user name="air" dim="|6" ~ 5" ~ air
-X <sensor|> ~  ~ XML
-X <key name="hover" qpos="0| ~  0 ~ qpos
-X |fullinertia=" ~ diaginertia="0.1 0.1 0.1" user=" ~ inertia
-X name="flight_computer" pos="0.|08 0 ~ 28 0 ~ the centre of gravity is 6.2 mm ahead, 0.0 mm left
-X mass="4|.19" ~ 00.19" ~ it does not hover:
-X <general name="L|ON" ~ AT" ~ LAT
-"""
+WRONG = Path(__file__).with_name("vehicle_check.txt").read_text(encoding="utf-8").splitlines()
 """File, large if what is said is of no one; what is changed behind |, to what; what is said."""
 
 
-@pytest.mark.parametrize("row", WRONG.strip().splitlines())
+@pytest.mark.parametrize("row", WRONG)
 def test_what_is_wrong_with_a_file_is_said(own, row):
     old, new, message = row[2:].split(" ~ ")
     kept, gone = old.split("|")
@@ -95,7 +79,6 @@ def _said(own, message):
 
 
 def test_everything_is_said_at_once(own, capsys, monkeypatch):
-    """One line each, by file; exit status 2."""
     monkeypatch.chdir(own.parent)
     _change(own / PARAMETERS, "radius = { value = 0.767", "radius = { value = 767")
     _change(own / PARAMETERS, "hub_x =", "hub_ex =")
@@ -110,7 +93,6 @@ def test_everything_is_said_at_once(own, capsys, monkeypatch):
 
 
 def test_what_is_well_is_shown(own, capsys):
-    """Figures of the hover, poles, margins; exit status 0."""
     assert main(["vehicle", "check", str(own)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("own: All is well.")
@@ -137,7 +119,7 @@ def test_a_file_that_is_not_made_yet(own, file, command):
     )
 
 
-def test_numbers_in_the_mjcf_that_are_out_of_date(own):
+def test_an_mjcf_that_is_out_of_date_or_missing_and_no_vehicle(own, tmp_path):
     _change(own / PARAMETERS, "drag_area_x = { value = 0.03", "drag_area_x = { value = 0.04")
     (problem,) = check_vehicle(own).problems
     assert "the <general> 'rotor' has other numbers (user)" in problem.text
@@ -146,12 +128,86 @@ def test_numbers_in_the_mjcf_that_are_out_of_date(own):
     assert (own / MJCF).read_text().splitlines()[line - 1].lstrip().startswith("<general")
     assert main(["vehicle", "build", str(own), "--quiet"]) == 0
     assert check_vehicle(own).problems == ()
-
-
-def test_no_mjcf_and_no_vehicle(own, tmp_path):
     (own / MJCF).rename(own / "a.xml")
     (own / "b.xml").write_text("<mujoco/>")
     (problem,) = check_vehicle(own).problems
     assert "which file is the vehicle's MJCF?" in problem.text
     with pytest.raises(UnknownNameError):
         check_vehicle(tmp_path)
+
+
+@pytest.mark.parametrize("like", vehicle_names())
+def test_it_is_at_first_what_it_was_made_from(like, tmp_path):
+    own, other = load(new_vehicle("libelle", like=like, to=tmp_path)), load(like)
+    assert dict(other.parameters).items() <= dict(own.parameters).items()
+    assert (own.name, own.trim) == ("libelle", other.trim)
+    for matrix in "ABCD":
+        np.testing.assert_array_equal(
+            getattr(own.linearize("IN2").system, matrix),
+            getattr(other.linearize("IN2").system, matrix),
+        )
+    assert own.visual_model().body("libelle").id == 1
+    for file in own.folder.rglob("*.xml"):
+        assert like not in file.read_text()
+
+
+@pytest.mark.slow
+def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
+    assert "own/README.md" in capsys.readouterr().out
+    for command in (
+        "linearize own",
+        "trim own --speeds 0,5 --quiet",
+        "fly own --axis lat --duration 12 --out lat.parquet --quiet",
+        "calibrate own --write --quiet",
+        "tune own --write --quiet",
+        "linearize own --inputs IN2",
+    ):
+        assert main(command.split()) == 0, command
+    assert read_record(tmp_path / "lat.parquet").provenance["vehicle"] == "own"
+    tuned, shipped = standard_parameters("./own"), standard_parameters("blade360")
+    for name in shipped:
+        # calibration stops at 1e-8 of its conditions, tuning where its cost changes by 1e-8
+        assert tuned[name] == pytest.approx(shipped[name], rel=1e-3), name
+    assert "[targets] of parameters.toml" in tuned.entry("airframe.izz").source
+    for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
+        assert tomllib.loads((tmp_path / "own" / file).read_text())
+
+
+def test_what_is_there_is_not_overwritten(made, capsys):
+    before = sorted(made.parent.rglob("*"))
+    message = fails(capsys, "vehicle", "new", "own", "--to", made.parent)
+    assert "is there already" in message
+    assert sorted(made.parent.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("jr700", "no shipped one's, got 'jr700'"),
+        ("../x", r"got '../x'; `to` takes the folder around it"),
+        ("3x", "begins with a letter"),
+        ("a" * 300, "at most 100 letters"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused(tmp_path, name, message):
+    with pytest.raises(InputError, match=message):
+        new_vehicle(name, to=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_half_made_is_left(tmp_path, monkeypatch):
+    with pytest.raises(UnknownNameError, match="did you mean jr700"):
+        new_vehicle("own", like="jr70", to=tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="can't make"):
+        new_vehicle("own", to=tmp_path / "file")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "rename", full)
+    with pytest.raises(StorageError, match="No space left on device"):
+        new_vehicle("own", to=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

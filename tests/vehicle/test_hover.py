@@ -13,7 +13,6 @@ SOLVER = 1e-9
 
 
 def test_nothing_accelerates(jr700):
-    """At the trim every acceleration and every state's rate is zero."""
     data = jr700.hovering()
     with installed():
         mujoco.mj_forward(jr700.model, data)
@@ -38,7 +37,6 @@ def test_place_centres_all_sticks_and_settles_the_gyro():
 
 
 def test_no_hover_without_lift(altered):
-    """A rotor that can't carry the weight is one clear line."""
     with pytest.raises(TrimError, match=r"no hover|outside"):
         find_trim(altered(main_lift_slope=1.0))
     with pytest.raises(TrimError):

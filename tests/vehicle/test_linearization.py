@@ -109,7 +109,6 @@ def spring_with_actuator():
 
 
 def test_a_lag_is_where_it_settles():
-    """The lag's output is its input, in the states' rates and in the outputs."""
     found = spring_with_actuator().residualised(("x", "speed"), without=("meter",))
     assert found.states == ("x", "speed")
     assert found.a == pytest.approx(np.array([[0, 1], [-4, -1]]))
@@ -118,7 +117,6 @@ def test_a_lag_is_where_it_settles():
 
 
 def test_what_has_no_six_degrees_is_refused():
-    """A sampled model, a missing state, and a meter that counts for ever."""
     sampled = spring_with_actuator().discretise(0.01)
     with pytest.raises(InputError, match=r"period of 0\.01 s"):
         sampled.residualised([sampled.states[0]])
@@ -215,6 +213,5 @@ def test_the_collectives_rate_moves_the_stick_not_the_hover():
     ],
 )
 def test_a_setting_that_the_gyro_lacks_is_refused(jr700, setting, error, says):
-    """In one line; the airframe needs another trim, so it is refused here."""
     with pytest.raises(error, match=says):
         jr700.with_settings(setting)

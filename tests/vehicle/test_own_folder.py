@@ -1,21 +1,25 @@
 """A vehicle is a folder, anywhere."""
 
 import pickle
+import re
 import subprocess
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 
 import helisim as hs
 from command import fails
-from helisim.base.errors import InputError, ModelError, UnknownNameError
+from helisim.base.errors import CallbackError, InputError, ModelError, UnknownNameError
 from helisim.cli import main
 from helisim.records.storage import write_record
 from helisim.study.campaign import read_campaign
-from helisim.study.new_vehicle import calibrated_text
+from helisim.study.new_vehicle import calibrated_text, new_vehicle
 from helisim.study.replicates import run_campaign
 from helisim.study.tune import tune
+from helisim.vehicle import build
+from helisim.vehicle.build import Change, elements, unwritten, write_numbers
 from helisim.vehicle.parameters import model_folder
 from own_vehicle import copied, edited
 
@@ -27,7 +31,6 @@ def myheli(tmp_path_factory):
 
 
 def test_a_copy_elsewhere_under_another_name_is_the_same_to_the_bit(jr700, myheli):
-    """Same trim, same matrices; the name is its folder's."""
     own = hs.load(str(myheli))
     assert (own.name, own.folder) == ("myheli", myheli)
     assert own.trim == jr700.trim
@@ -38,7 +41,6 @@ def test_a_copy_elsewhere_under_another_name_is_the_same_to_the_bit(jr700, myhel
 
 
 def test_relative_paths_are_taken_from_where_one_is(myheli, monkeypatch):
-    """A name that no shipped vehicle has is a folder here; the vehicle keeps its whole path."""
     monkeypatch.chdir(myheli.parent)
     assert model_folder("myheli") == model_folder("./myheli") == myheli
     monkeypatch.chdir(myheli)
@@ -48,7 +50,6 @@ def test_relative_paths_are_taken_from_where_one_is(myheli, monkeypatch):
 
 @pytest.mark.parametrize("name", ["", "jr70", "\0", "x" * 5000])
 def test_neither_name_nor_folder(name, monkeypatch, tmp_path):
-    """The error lists the shipped vehicles and says what a folder needs."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UnknownNameError) as caught:
         hs.load(name)
@@ -61,7 +62,6 @@ def test_neither_name_nor_folder(name, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
-    """Pickled, it flies the same in another process, and is linearised from its folder."""
     own = hs.load(myheli)
     code = (
         "import pickle, sys\n"
@@ -93,7 +93,6 @@ def test_a_recording_asks_for_the_vehicle_that_flew(myheli, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_campaign_takes_a_path_from_its_file(myheli, tmp_path):
-    """Relative to the file that names it; the dataset keeps the name alone."""
     text = (
         f'[campaign]\nvehicle = "../{myheli.parent.name}/myheli"\nmodels = ["heave"]\nflights = 1'
     )
@@ -120,7 +119,6 @@ def test_a_folder_of_that_name_is_not_the_published_vehicle(tmp_path):
 
 
 def test_which_file_is_the_mjcf_must_be_clear(tmp_path):
-    """Of two that could be it neither is guessed."""
     own = copied(tmp_path / "own")
     (own / "draft.xml").write_text("<mujoco/>")
     with pytest.raises(ModelError, match="there are 2 others; give it that name"):
@@ -139,9 +137,142 @@ def test_which_file_is_the_mjcf_must_be_clear(tmp_path):
     ],
 )
 def test_what_is_missing_from_the_mjcf_is_said(tmp_path, old, new, message):
-    """With the file, and as one line: never a traceback."""
     own = copied(tmp_path / "own")
     edited(own, "jr700.xml", old, new)
     with pytest.raises(ModelError, match=message) as caught:
         hs.load(own)
     assert "jr700.xml" in str(caught.value)
+
+
+MJCF = """\
+<?xml version="1.0"?>
+<mujoco model="m">
+  <!-- Ä comment with <geom name="no"/> in it -->
+  <worldbody>
+    <body name='one'>
+      <freejoint name="j"/>
+      <geom name="g"   size="0.1"  mass="1"/> <!-- behind -->
+    </body>
+    <body name="two"
+          pos="1 0 0"><geom
+          size="0.2"/></body>
+  </worldbody>
+  <actuator>
+    <general name="g" joint="j"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "m.xml").write_text(MJCF, encoding="utf-8")
+    return tmp_path / "m.xml"
+
+
+def test_elements_know_where_they_stand_and_only_what_is_set_changes(path):
+    found = [*elements(path, path.read_bytes())]
+    assert [(one.tag, one.name, one.line) for one in found][1:8] == [
+        ("worldbody", "", 4),
+        ("body", "one", 5),
+        ("freejoint", "j", 6),
+        ("geom", "g", 7),
+        ("body", "two", 9),
+        ("geom", "", 10),
+        ("actuator", "", 13),
+    ]
+    assert found[2].place == f'{path}, line 5: <body name="one">'
+    _, _, _, _, g, two, *_ = elements(path, path.read_bytes())
+    geom = Change.to(g, {"size": [0.3], "mass": [], "group": [2], "rgba": []})
+    assert geom.attributes == ("size", "mass", "group")
+    assert geom.new == b'<geom name="g"   size="0.3" group="2"/>'
+    assert Change.to(two, {"pos": [2, 0, 0]}).new == b'<body name="two"\n          pos="2 0 0">'
+    assert Change.to(two, {"pos": [1, 0, 1e-9]}, solved=1e-8).attributes == ()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A vehicle of one's own, the Blade 360's copy."""
+    return new_vehicle("own", like="blade360", to=tmp_path)
+
+
+def alter(folder, pattern, new):
+    path = folder / "own.xml"
+    text, count = re.subn(pattern, new, path.read_text(encoding="utf-8"), count=1, flags=re.DOTALL)
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    return text
+
+
+def test_a_changed_parameter_reaches_stock_mujoco_and_older_numbers_are_replaced(folder):
+    assert unwritten(folder) == ()
+    path, mjcf = folder / "parameters.toml", folder / "own.xml"
+    text = path.read_text(encoding="utf-8")
+    changed = re.sub(r"(?m)^density = \{ value = [0-9.]+", "density = { value = 1.15", text)
+    path.write_text(changed, encoding="utf-8")
+    assert [change.element.name for change in unwritten(folder)] == ["rotor", "hover"]
+    before = mjcf.read_text(encoding="utf-8")
+    assert write_numbers(folder) == (mjcf,)
+    after = mjcf.read_text(encoding="utf-8")
+    kept = [re.sub(r'"[^"]*"', '""', text) for text in (before, after)]
+    assert kept[0].split() == kept[1].split()
+    model, vehicle = mujoco.MjModel.from_xml_path(str(mjcf)), hs.load(folder)
+    assert np.array_equal(model.actuator_user, vehicle.model.actuator_user)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
+    start = data.qpos[:3].copy()
+    with hs.installed():
+        mujoco.mj_step(model, data, 5000)
+    assert np.abs(data.qpos[:3] - start).max() < 1e-6
+    assert write_numbers(folder) == ()
+    fresh = mujoco.MjModel.from_xml_path(str(folder / "own.xml"))
+    alter(folder, r'user="\s+48756173 8 \d+', 'user="48756173 8 17')
+    alter(folder, r'act="[^"]*"', 'act="0 0 0"')
+    write_numbers(folder)
+    mended = mujoco.MjModel.from_xml_path(str(folder / "own.xml"))
+    assert np.array_equal(mended.actuator_user, fresh.actuator_user)
+    assert mended.key_act == pytest.approx(fresh.key_act, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (r"<key name=.*?/>", "", r'own\.xml: no <key name="hover"/> in this file'),
+        (r"<inertial [^>]*fullinertia=[^>]*>", "", r'<body name="fuselage"> needs <inertial'),
+        (r"</mujoco>", "", r"own\.xml"),
+    ],
+)
+def test_what_can_not_be_written_is_said_and_nothing_is(folder, old, new, said):
+    text = alter(folder, old, new)
+    with pytest.raises(ModelError, match=said) as caught:
+        write_numbers(folder)
+    assert "\n" not in str(caught.value)
+    assert (folder / "own.xml").read_text(encoding="utf-8") == text
+
+
+def test_what_would_not_fly_is_not_written(folder, monkeypatch):
+    before = alter(folder, ' user="48756173 3"', "")
+
+    def refuse(model):
+        assert model.actuator("PED").user[0] == 48756173
+        raise CallbackError("lacks something")
+
+    monkeypatch.setattr(build, "check_model", refuse)
+    with pytest.raises(CallbackError, match="lacks something"):
+        write_numbers(folder)
+    assert (folder / "own.xml").read_text(encoding="utf-8") == before
+
+
+def test_the_command(folder, capsys):
+    alter(folder, ' user="48756173 3"', "")
+
+    def run(*options):
+        return main(["vehicle", "build", str(folder), *options]), capsys.readouterr().out.strip()
+
+    status, said = run("--check")
+    assert status == 1
+    assert re.search(r'own\.xml, line \d+: <general name="PED">: user', said)
+    assert run() == (0, f"Written: {folder / 'own.xml'}")
+    assert run() == (0, "Nothing to write: the MJCF says what the parameters give")
+    with pytest.raises(UnknownNameError, match="jr700"):
+        write_numbers("nowhere")

@@ -142,7 +142,6 @@ def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
 
 
 def test_a_motor_needs_its_numbers_and_its_power(tmp_path, capsys):
-    """One line with the torque that is needed, or with the first number that lacks."""
     with pytest.raises(TrimError, match=r"hover takes a torque of 5\..* N m .* full throttle"):
         load(parameters={**MOTOR, "drive.voltage": 30.0})
     own = copied(tmp_path / "own")

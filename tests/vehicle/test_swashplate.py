@@ -114,7 +114,6 @@ def test_the_flight_does_not_depend_on_where_the_servos_stand():
     ],
 )
 def test_a_swashplate_that_is_none_is_refused(changes, message):
-    """One sentence with what was given and what to change."""
     with pytest.raises(ModelError, match=message):
         load("jr700", parameters=changes)
 
@@ -171,7 +170,6 @@ sizes = st.floats(0.01, 0.5)
     direction=st.sampled_from([1.0, -1.0]),
 )
 def test_there_and_back(tau, couplings, cyclic, speed, direction):
-    """Eq. (8) has one disc behind it, which has that eq. (8)."""
     coupled = {"a_b": -direction * couplings[0], "b_a": direction * couplings[1]}
     given = Flapping(
         tau_f=tau, **coupled, **dict(zip(("a_lat", "a_lon", "b_lat", "b_lon"), cyclic))

@@ -13,9 +13,14 @@ import pytest
 import helisim as hs
 import heron
 from command import fails
-from helisim.base.errors import ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.cli import main
 from helisim.study.experiment import recover
+from helisim.study.new_vehicle import calibrated_text
+from helisim.study.paper import published
+from helisim.vehicle import calibrate, read_parameters, standard_parameters
+from helisim.vehicle.calibrate import DIRECT, SOLVED, flapping_of, is_known, settled
+from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.swashplate import TipPathPlane
 
 
@@ -40,7 +45,6 @@ def vehicle(folder):
 
 @pytest.mark.slow
 def test_it_has_the_derivatives_that_it_was_calibrated_to(vehicle):
-    """All thirteen, and a hover with collective and pedals centred."""
     for name, value in heron.TARGETS.items():
         assert vehicle.derivatives[name] == pytest.approx(value, rel=1e-7), name  # the solver's
     trim = vehicle.trim
@@ -70,7 +74,6 @@ def within_bounds(results, share):
 
 @pytest.mark.study
 def test_what_flew_is_identified(folder):
-    """Sweeps on four axes, one flight each: every derivative and delay within its bound."""
     results = recover(folder, flights=1, seed=1)
     # 3 % of the main derivatives, 10 % of couplings and delays; but N_r of one flight is 1 to 6 %
     # high, seed by seed (smaller sweeps don't change that): within its bound of 11 % below
@@ -89,7 +92,6 @@ def test_what_flew_is_identified(folder):
     ],
 )
 def test_a_calibration_that_can_not_be_is_one_line(tmp_path, capsys, old, new, message):
-    """What was given, what to give; exit status 2, and nothing written."""
     there = heron.build(tmp_path / "wrong")
     file = there / "parameters.toml"
     text = file.read_text()
@@ -166,14 +168,12 @@ def test_what_the_air_does_changes_and_the_blade_stays(jr700, name):
 
 
 def test_all_parameters_of_a_vehicle_load_it_again(jr700):
-    """As provenance keeps them: also where density and flapping are not the folder's."""
     thin = hs.load("jr700", parameters={"air.density": 1.0})
     again = hs.load("jr700", parameters=dict(thin.parameters))
     assert np.array_equal(again.model.actuator_user, thin.model.actuator_user)
 
 
 def test_both_that_contradict_are_one_line(jr700):
-    """The inertia, the time constant, what it would be, and what to do."""
     said = r"^main_rotor.blade_inertia = 0.02 kg m\^2 and flapping.tau_f = 0.04456 s contradict: "
     said += r"with this time constant it is 0.05\d+ kg m\^2; give one of both$"
     with pytest.raises(ModelError, match=said):
@@ -217,3 +217,69 @@ def test_a_target_beside_the_inertia_is_refused(tmp_path, capsys):
     file.write_text(file.read_text().replace("[targets]\n", "[targets]\n" + line))
     said = fails(capsys, "calibrate", there, "--quiet")
     assert "main_rotor.blade_inertia and the target tau_f both say how fast" in said
+
+
+FOLDER = model_folder("jr700")
+PAPERS = {
+    item.name: item.value
+    for name in ("yaw_base", "rollpitch_in1", "heave")
+    for item in published("jr700")[name]
+    if item.name in DIRECT + SOLVED
+}
+
+
+def test_calibrated_file_is_what_calibrate_writes():
+    """Solving again gives the numbers of calibrated.toml: nobody typed them."""
+    given = read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml")
+    stored = read_parameters(FOLDER / "calibrated.toml")
+    tried = []
+    solved = calibrate("jr700", given, PAPERS, "paper", on_progress=tried.append)
+    assert set(tried) == {"jr700"}
+    assert list(solved) == list(stored)
+    for name in stored:
+        # the solver stops at 1e-8 of each condition; conditions are well scaled
+        assert solved[name] == pytest.approx(stored[name], rel=1e-6)
+        assert solved.entry(name).unit == stored.entry(name).unit
+
+
+@pytest.mark.parametrize("value", [None, float("nan")])
+def test_missing_target_is_named(value):
+    given = read_parameters(FOLDER / "parameters.toml")
+    targets = {key: item for key, item in PAPERS.items() if key != "N_r"}
+    if value is not None:
+        targets["N_r"] = value
+    with pytest.raises(InputError, match="N_r"):
+        calibrate("jr700", given, targets, "test")
+
+
+LYNX = model_folder("lynx")
+
+
+@pytest.fixture(scope="module")
+def given():
+    return read_parameters(LYNX / "parameters.toml")
+
+
+def test_the_disc_of_a_spring_at_the_centre_is_the_books(given):
+    """Padfield's closed form: S = 8 (nu^2 - 1) / gamma; per cyclic 1 / (1 + S^2) and S / (1 + S^2).
+
+    In eq. (8) the steady tilt is inv([[1, -A_b], [-B_a, 1]]) times the cyclic's.
+    """
+    assert is_known(given)
+    assert not is_known(standard_parameters("jr700"))
+    found = flapping_of(given)
+    inertia, speed = 678.14, 35.63
+    lock = 1.225 * 6.0 * 0.391 * 6.4**4 / inertia
+    stiffness = 8.0 * 166352.0 / (inertia * speed**2) / lock
+    back = (found.a_lon + found.a_b * found.b_lon) / (1.0 - found.a_b * found.b_a)
+    right = (found.b_lon + found.b_a * found.a_lon) / (1.0 - found.a_b * found.b_a)
+    assert back == pytest.approx(0.35 / (1.0 + stiffness**2), rel=1e-9)
+    # blades turn counter-clockwise: back cyclic tilts left, too
+    assert right == pytest.approx(-0.35 * stiffness / (1.0 + stiffness**2), rel=1e-9)
+
+
+def test_the_calibrated_file_is_what_calibrate_writes():
+    stored = read_parameters(LYNX / "calibrated.toml")
+    solved = settled("lynx", read_parameters(LYNX / "parameters.toml", LYNX / "tuned.toml"))
+    assert dict(solved) == pytest.approx(dict(stored), rel=1e-9)
+    assert calibrated_text("lynx") == (LYNX / "calibrated.toml").read_text()

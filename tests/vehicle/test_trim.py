@@ -130,7 +130,6 @@ def test_heave_damping_is_froudes(flights):
 
 
 def test_out_of_reach_is_one_clear_line(jr700):
-    """A speed that no control reaches, and numbers that are none."""
     with pytest.raises(TrimError, match="level flight at 80 m/s"):
         find_trim(jr700.model, speed=80.0)
     for given in ({"speed": math.nan}, {"height": 0.0}, {"wind": (0.0, math.inf, 0.0)}):

@@ -18,7 +18,6 @@ CHOICES = {name: known.words for name, known in glossary().items() if known.word
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_the_shipped_vehicles_are_plausible(name, tmp_path):
-    """Every parameter is in the glossary, in its unit and range; files keep them to the bit."""
     parameters = standard_parameters(name)
     for key, entry in parameters.entries().items():
         known = term(key)
@@ -33,7 +32,6 @@ def test_the_shipped_vehicles_are_plausible(name, tmp_path):
 
 @pytest.mark.parametrize("name", CHOICES)
 def test_every_word_stands_for_a_number_and_back(name):
-    """Also in a file, which is written with the word."""
     for k, word in enumerate(CHOICES[name]):
         assert number_of(name, word) == number_of(name, k) == k
         chosen = standard_parameters("jr700").replace({name: word})
@@ -41,6 +39,7 @@ def test_every_word_stands_for_a_number_and_back(name):
         assert f'value = "{word}"' in to_toml(chosen, "header")
 
 
+GOVERNOR = "[drive]\ngovernor = { value = 'perfect', unit = '1', source = 'x' }"
 DENSITY = "[air]\ndensity = "
 
 
@@ -55,14 +54,10 @@ DENSITY = "[air]\ndensity = "
         ("[air\ndensity", "can't read parameters"),
         ("density = 1.2", "must stand in a section"),
         ("[air]\ndense = 1", r"unknown parameter of \[air\] 'dense'.*did you mean density"),
-        (
-            "[drive]\ngovernor = { value = 'x', unit = '1', source = 'x' }",
-            "ideal or motor, got 'x'",
-        ),
+        (GOVERNOR, "drive.governor must be ideal or motor, got 'perfect'"),
     ],
 )
 def test_a_malformed_file_is_refused(tmp_path, text, message):
-    """The message names the file and the parameter."""
     path = tmp_path / "parameters.toml"
     path.write_text(text)
     with pytest.raises(ModelError, match=message) as caught:
@@ -70,8 +65,8 @@ def test_a_malformed_file_is_refused(tmp_path, text, message):
     assert str(path) in str(caught.value)
 
 
-def test_a_parameter_is_defined_once(tmp_path):
-    """Also over several files; one that isn't there is named."""
+def test_a_parameter_is_defined_once_and_ones_own_section_is_left_alone(tmp_path):
+    """Whoever writes a controller may keep its numbers with the vehicle's."""
     text = DENSITY + "{ value = 1.2, unit = 'kg/m^3', source = 'x' }"
     for name in ("a.toml", "b.toml"):
         (tmp_path / name).write_text(text)
@@ -79,6 +74,13 @@ def test_a_parameter_is_defined_once(tmp_path):
         read_parameters(tmp_path / "a.toml", tmp_path / "b.toml")
     with pytest.raises(ModelError, match=r"none\.toml"):
         read_parameters(tmp_path / "none.toml")
+    own = copied(tmp_path / "own")
+    with (own / "parameters.toml").open("a") as file:
+        file.write('[my_law]\ngain = { value = 2.0, unit = "bananas", source = "mine" }\n')
+    assert load(own).parameters["my_law.gain"] == 2.0
+    edited(own, "parameters.toml", "[servo]", "[servos]")
+    with pytest.raises(ModelError, match=r"servo\.swash_frequency \(rad/s\) is missing"):
+        load(own)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +103,6 @@ def test_a_parameter_is_defined_once(tmp_path):
     ],
 )
 def test_a_value_that_can_not_be_is_refused(changes, error, message):
-    """In one line, and without a warning."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(error, match=message) as raised:
@@ -110,7 +111,6 @@ def test_a_value_that_can_not_be_is_refused(changes, error, message):
 
 
 def test_replace_leaves_the_original(jr700):
-    """Parameters are read-only: a change is a copy, with its own source."""
     changed = jr700.parameters.replace({"air.density": 1.0})
     assert changed["air.density"] == 1.0
     assert changed.entry("air.density").source == "set by the user"
@@ -122,25 +122,12 @@ def test_replace_leaves_the_original(jr700):
 
 @pytest.mark.parametrize("timestep", [-0.001, math.nan, math.inf])
 def test_a_bad_time_step_is_refused(timestep):
-    """The time step must be a positive number."""
     with pytest.raises(InputError, match="timestep"):
         load(timestep=timestep)
 
 
-def test_a_section_of_ones_own_is_left_alone_and_not_taken(tmp_path):
-    """Whoever writes a controller may keep its numbers with the vehicle's."""
-    own = copied(tmp_path / "own")
-    with (own / "parameters.toml").open("a") as file:
-        file.write('[my_law]\ngain = { value = 2.0, unit = "bananas", source = "mine" }\n')
-    assert load(own).parameters["my_law.gain"] == 2.0
-    edited(own, "parameters.toml", "[servo]", "[servos]")
-    with pytest.raises(ModelError, match=r"servo\.swash_frequency \(rad/s\) is missing"):
-        load(own)
-
-
 @pytest.mark.parametrize(("file", "command"), [("calibrated", "calibrate"), ("tuned", "tune")])
 def test_a_file_that_a_command_makes_is_asked_of_it(tmp_path, file, command):
-    """Without it the vehicle can't fly yet; the message has the command."""
     own = copied(tmp_path / "own")
     (own / f"{file}.toml").unlink()
     with pytest.raises(ModelError, match=f"{file}.toml: no such file") as caught:

@@ -12,6 +12,7 @@ from helisim.sim.flight import simulate
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.trim import root_body
 
+WIND, LIGHT = hs.Weather(wind=5.0, wind_from=1.0), hs.Weather(turbulence="light")
 FLIGHTS = {
     "forward": {"mission": missions.Forward(speed=15.0)},
     "take-off, hover, landing": {"mission": missions.TakeOffHoverLand()},
@@ -19,13 +20,10 @@ FLIGHTS = {
     "autorotation, 60 m and 10 m/s": {"mission": missions.Autorotation(height=60.0, speed=10.0)},
     "roll sweep": {"excitation": hs.Sweep(axis="lat", duration=30.0)},
     "heave sweep": {"excitation": hs.Sweep(axis="col", duration=30.0)},
-    "forward in a wind": {
-        "mission": missions.Forward(speed=10.0),
-        "weather": hs.Weather(wind=5.0, wind_from=1.0),
-    },
+    "forward in a wind": {"mission": missions.Forward(speed=10.0), "weather": WIND},
     "yaw sweep in turbulence": {
         "excitation": hs.Sweep(axis="ped", duration=30.0),
-        "weather": hs.Weather(turbulence="light"),
+        "weather": LIGHT,
     },
 }
 

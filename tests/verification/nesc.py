@@ -164,13 +164,8 @@ def _seen(data: mujoco.MjData) -> list[float]:
     """Return COLUMNS now, as an observer on the turning earth has them."""
     up, east = _place(data)
     turned = math.atan2(east, up)  # of the local vertical since the start
-    level = np.array(
-        [
-            [1.0, 0.0, 0.0],
-            [0.0, math.cos(turned), math.sin(turned)],
-            [0.0, -math.sin(turned), math.cos(turned)],
-        ]
-    )
+    c, s = math.cos(turned), math.sin(turned)
+    level = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     north, eastwards, climb = _airspeed(data)
     velocity = level @ [north, eastwards, -climb]
     matrix = np.zeros(9)

@@ -178,19 +178,19 @@ def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch
 
 
 def test_other_files_are_no_datasets(tmp_path, whole):
+    path, (table, _) = tmp_path / "dataset.parquet", read_dataset(whole)
     with pytest.raises(StorageError, match="no such file"):
         read_dataset(tmp_path)
-    path = tmp_path / "dataset.parquet"
     path.write_bytes(whole.read_bytes()[:500])
     with pytest.raises(StorageError, match="truncated"):
         read_dataset(path)
-    table, _ = read_dataset(whole)
-    pq.write_table(table.replace_schema_metadata(None), path)
-    with pytest.raises(StorageError, match="not a campaign's dataset"):
-        read_dataset(path)
-    pq.write_table(table.replace_schema_metadata({"helisim": '{"format": "x"}'}), path)
-    with pytest.raises(StorageError, match="'x'"):
-        read_dataset(path)
+    for metadata, says in (
+        (None, "not a campaign's dataset"),
+        ({"helisim": '{"format": "x"}'}, "'x'"),
+    ):
+        pq.write_table(table.replace_schema_metadata(metadata), path)
+        with pytest.raises(StorageError, match=says):
+            read_dataset(path)
 
 
 def test_the_command_summarises_a_dataset(whole, capsys, tmp_path):
@@ -201,7 +201,9 @@ def test_the_command_summarises_a_dataset(whole, capsys, tmp_path):
     assert "Z_col" in printed
     assert max(map(len, printed.splitlines())) <= 80
     before = contents(whole.parent)
-    for options, said in ((("--by", "noise"), "replicate, point"), (("--out", tmp_path), "--out")):
+    mistakes = {("--by", "noise"): "available: replicate, point"}
+    mistakes["--out", tmp_path / "new"] = "leave out --out"
+    for options, said in mistakes.items():
         assert said in fails(capsys, "campaign", whole.parent, "--quiet", *options)
     assert contents(whole.parent) == before
     assert not any(tmp_path.iterdir())

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-import tomllib
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -19,20 +18,16 @@ from helisim.study.replicates import run_campaign
 
 pytestmark = pytest.mark.study
 
-PLAN = """
-[campaign]
-replicates = 3
-models = ["yaw_base"]
-flights = 1
-[set.sweep]
-duration = 30
-[vary.recorder]
-noise = { values = [0.5, 4], relative = true }
-"""
+NO_DASK = "Dask isn't installed: pip install helisim[dask]"
+PLAN = {
+    "campaign": {"replicates": 3, "models": ["yaw_base"], "flights": 1},
+    "set": {"sweep": {"duration": 30}},
+    "vary": {"recorder": {"noise": {"values": [0.5, 4], "relative": True}}},
+}
 
 
 def plan():
-    return campaign_from(tomllib.loads(PLAN))
+    return campaign_from(PLAN)
 
 
 def assert_no_process_is_left():
@@ -41,20 +36,14 @@ def assert_no_process_is_left():
     wait_until(lambda: not active_children())
 
 
-def test_a_process_that_dies_is_told():
+def test_processes_stop_when_one_dies_when_the_work_fails_and_when_left_early():
     assert sorted(local(2)(square, range(8))) == [square(number) for number in range(8)]
     with pytest.raises(WorkerError, match="with 1 replicates left; run again"):
         list(local(1)(always_die, [1]))
     assert_no_process_is_left()
-
-
-def test_a_fault_in_the_work_is_not_tried_again():
     with pytest.raises(ZeroDivisionError):
         list(local(1)(fail, [1, 2]))
     assert_no_process_is_left()
-
-
-def test_leaving_early_stops_the_processes():
     results = local(2)(square, range(100))
     next(results)
     results.close()
@@ -72,9 +61,8 @@ if __name__ == "__main__":
     list(local(2)(linger, [Path({str(tmp_path)!r})] * 2))
 """
     (tmp_path / "parent.py").write_text(script)
-    parent = subprocess.Popen(
-        [sys.executable, str(tmp_path / "parent.py")], stderr=subprocess.DEVNULL
-    )
+    command = [sys.executable, str(tmp_path / "parent.py")]
+    parent = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         wait_until(lambda: len(list(tmp_path.glob("*.pid"))) == 2)
     finally:
@@ -124,12 +112,9 @@ def by_processes(tmp_path_factory) -> Path:
 
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, tmp_path):
     """Local processes and two Dask workers, one of each killed on the way: one dataset."""
-    distributed = pytest.importorskip(
-        "distributed", reason="Dask isn't installed: pip install helisim[dask]"
-    )
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-    )
+    distributed = pytest.importorskip("distributed", reason=NO_DASK)
+    asked = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    cluster = distributed.LocalCluster(**asked, host="127.0.0.1")
     with cluster, distributed.Client(cluster) as client:
         killed = []
 
@@ -138,15 +123,14 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, t
                 killed.extend(client.run(os.getpid).values())
                 os.kill(killed[0], signal.SIGKILL)
 
-        path = run_campaign(
-            plan(), tmp_path, executor=on_dask(cluster.scheduler_address), on_replicate=kill_one
-        )
+        workers = on_dask(cluster.scheduler_address)
+        path = run_campaign(plan(), tmp_path, executor=workers, on_replicate=kill_one)
         assert killed[0] not in client.run(os.getpid).values()
     assert path.read_bytes() == by_processes.read_bytes()
 
 
 def test_a_scheduler_that_is_not_there_is_said():
-    pytest.importorskip("distributed", reason="Dask isn't installed: pip install helisim[dask]")
+    pytest.importorskip("distributed", reason=NO_DASK)
     from dask import config
 
     with (
