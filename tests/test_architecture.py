@@ -15,7 +15,6 @@ def test_data_flows_one_way():
 
 
 def test_importing_does_nothing():
-    """`import helisim` loads no library, starts no thread, prints nothing, installs no callback."""
     code = (
         "import sys, threading, helisim\n"
         "assert not {'numpy', 'scipy', 'mujoco', 'numba', 'control'} & set(sys.modules)\n"
@@ -65,7 +64,6 @@ def test_a_part_loads_no_more_than_it_needs(code, heavy):
 
 
 def test_every_public_name_is_there():
-    """The names of `__init__.pyi`, each documented, and no others."""
     stub = (ROOT / "src" / "helisim" / "__init__.pyi").read_text(encoding="utf-8")
     listed = [node for node in ast.parse(stub).body if isinstance(node, ast.ImportFrom)]
     names = [alias.name for node in listed for alias in node.names]

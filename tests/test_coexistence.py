@@ -68,7 +68,6 @@ def expected(jr700):
 
 
 def test_another_model_steps_in_a_thread_while_helicopters_fly(jr700, expected):
-    """Both at once: neither model's numbers move by a bit."""
     stock = walk()
     found, stop = [], threading.Event()
 
@@ -88,7 +87,6 @@ def test_another_model_steps_in_a_thread_while_helicopters_fly(jr700, expected):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_forked_child_flies_on_within_the_block(jr700, expected):
-    """With the callbacks in place at the fork; its end takes nothing from the parent."""
     reader, writer = os.pipe()
     with hs.installed():
         child = os.fork()
@@ -109,7 +107,6 @@ def test_a_forked_child_flies_on_within_the_block(jr700, expected):
 
 
 def test_a_cell_that_is_run_again(jr700, expected):
-    """Blocks entered by hand and never left, loads and imports repeated: as a notebook does."""
     before = walk()
     for _ in range(3):
         block = hs.installed()  # the one before is dropped, still inside
@@ -125,7 +122,6 @@ def test_a_cell_that_is_run_again(jr700, expected):
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_any_exception_leaves_the_block_clean(error):
-    """Nested blocks too; and the other model is untouched afterwards."""
     stock = walk()
     with pytest.raises(error), hs.installed(), hs.installed():
         raise error
@@ -239,7 +235,6 @@ def test_helicopters_in_one_scene_fly_as_if_alone(jr700):
 
 
 def test_a_scene_that_has_no_room_for_a_vehicles_numbers_is_refused():
-    """MuJoCo refuses it itself; and a vehicle without its numbers is not one to be placed."""
     with pytest.raises(ValueError, match="more values than nuser_actuator"):
         scene("jr700", size=len(PARAM) - 10).compile()
     world = scene("jr700", size=-1)

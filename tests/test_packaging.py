@@ -53,8 +53,7 @@ def installed(wheel, tmp_path_factory) -> Path:
     return programs
 
 
-def test_the_wheel_holds_what_it_needs(wheel):
-    """Sources, model files, type marker and license are inside; tests and caches are not."""
+def test_the_wheel_holds_what_it_needs_and_finds_its_models(wheel, installed, tmp_path):
     names = zipfile.ZipFile(wheel).namelist()
     assert "helisim/models/jr700/jr700.xml" in names
     assert "helisim/models/jr700/scene.xml" in names
@@ -64,10 +63,6 @@ def test_the_wheel_holds_what_it_needs(wheel):
     sources = {path.relative_to(ROOT / "src") for path in (ROOT / "src").rglob("*.py")}
     assert {path.as_posix() for path in sources} <= set(names)
     assert not [name for name in names if "tests" in Path(name).parts or "__pycache__" in name]
-
-
-def test_the_installed_package_finds_its_models(installed, tmp_path):
-    """Also for the command, which prints the truth and leaves nothing where it was run."""
     code = (
         "import pathlib, helisim, mujoco\n"
         "folder = pathlib.Path(helisim.__file__).parent\n"

@@ -24,7 +24,6 @@ def run(monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_proofs_and_benchmarks_find_what_they_import():
-    """Each is loaded, beside its neighbours as when it is run; none does anything yet."""
     paths = sorted(str(path) for path in SCRIPTS.glob("*/*.py"))
     assert len(paths) > 10
     code = (
@@ -38,7 +37,6 @@ def test_proofs_and_benchmarks_find_what_they_import():
 
 @pytest.mark.slow
 def test_a_controller_of_ones_own_flies(run):
-    """A higher gain has a lower peak of sensitivity; Python and compiled code fly the same."""
     printed = run("own_controller.py", 0.3, 0.5)
     peaks, errors = zip(*re.findall(r"sensitivity ([\d.]+), rate error ([\d.]+)", printed))
     assert float(peaks[0]) > float(peaks[1]) > 1.0
@@ -61,7 +59,6 @@ def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
 
 
 def test_an_agent_of_a_few_lines_flies(run):
-    """The table of what is seen; no helicopter is lost, and more is won than by luck."""
     printed = run("fly_in_gymnasium.py", 4)
     assert "heading_error_sine" in printed
     score, lost = re.search(r"mean return (\d+) of 500, (\d+) lost", printed).groups()

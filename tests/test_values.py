@@ -154,7 +154,6 @@ def returned(value):
 
 
 def test_values_pass_to_other_processes_and_back(values):
-    """By spawn, where nothing is inherited: all of them at once."""
     given = list(values)
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         for value, (text, back) in zip(given, pool.map(returned, given)):

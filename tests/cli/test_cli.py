@@ -22,7 +22,6 @@ from parm_file import parm_file
 
 
 def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
-    """Duration, faults and weather; a seed gives the same bytes again, another gives others."""
     paths = [tmp_path / f"flug über {k}.parquet" for k in range(3)]
     asked = ["--wind", "2", "--wind-from-deg", "90", "--turbulence", "light"]
     asked += ["--fault", "servostuck,servo=servo_tail,at=12.8"]
@@ -125,7 +124,6 @@ def printed(capsys, *arguments):
 
 
 def test_the_table_has_a_power_bucket_and_a_stick_that_goes_forward(capsys):
-    """From hover to 20 m/s, in steps of 4."""
     rows, text = printed(capsys, "--speeds", "0:20:4")
     assert list(rows) == [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
     power, lon, theta = (np.array([row[k] for row in rows.values()]) for k in (0, 2, 5))
@@ -215,7 +213,6 @@ def test_a_law_of_a_file_flies(folder, monkeypatch, word):
 
 
 def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
-    """Exit status 3, the flight as far as it went, and the last line says why."""
     assert main([*FLY, "--controller", "laws_of_the_folder:breaks"]) == 3
     said = capsys.readouterr().err.splitlines()
     assert 'File "laws_of_the_folder.py", line 13, in breaks' in said[1]

@@ -42,7 +42,6 @@ def test_inputs_that_move_as_one_are_refused(tmp_path, capsys):
 
 
 def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
-    """A line each, with file, row and option; nothing is written."""
     holes = sweep_csv(BAD["holes"], name="holes.csv")
     dead = sweep_csv(BAD["twice"], name="repeats.csv")
     out = holes.with_suffix(".json")
@@ -70,7 +69,6 @@ q = { column = "Nickrate", unit = "deg/s", sign = -1 }
 
 
 def test_a_foreign_log_in_degrees_gives_the_same_model(tmp_path, capsys):
-    """Pulses and deg/s with 20 ms jitter give the parameters of the clean record."""
     (tmp_path / "map.toml").write_text(MAP)
     clean, foreign = [], []
     for k, axis in enumerate(("lat", "lon")):

@@ -103,7 +103,6 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
 
 
 def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
-    """Where the layout check fails, a flight ends before it begins: the version, what to do."""
     for held in (memory.offsets, native.compiled):
         held.cache_clear()
     monkeypatch.setattr(memory, "_structure", lambda name: type(name, (), {"opt": None}))

@@ -26,7 +26,6 @@ def sweep_csv(tmp_path):
 
 
 def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
-    """`verify` reads identify's JSON, judges another log, and refuses the log of the fit."""
     model, figures = tmp_path / "model.json", tmp_path / "figures.json"
     path = sweep_csv(name="sweep.csv")
     assert main(["identify", str(path), "--structure", "heave", "--json", str(model)]) == 0
@@ -51,7 +50,6 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
 
 
 def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
-    """--from and --to cut a log; what a fit has seen can't verify it, wherever it is cut."""
     path, model = sweep_csv(name="sweep.csv"), tmp_path / "model.json"
     part = ["--from", "3", "--to", "20"]
     options = ["--structure", "heave", "--json", str(model)]
@@ -200,7 +198,6 @@ def test_estimator_and_bounds_are_the_users(tmp_path, swept):
 
 
 def test_what_is_known_from_a_bench_carries_its_error(tmp_path, swept):
-    """--fix NAME=VALUE+-ERROR widens the others' errors; without an error it is exact."""
     path = swept()
     exact = fitted(tmp_path, [path], "--fix", "Z_w=-0.8", structure="heave")
     fit = fitted(tmp_path, [path], "--fix", "Z_w=-0.8+-0.5", structure="heave")

@@ -34,7 +34,7 @@ def planned(capsys, tmp_path, monkeypatch):
     return excitation
 
 
-def test_settings_are_numbers_lists_and_texts(planned):
+def test_settings_are_numbers_lists_and_texts_and_plans_nest_parts(planned, tmp_path):
     """As the classes have them; a list's numbers are joined by colons."""
     wanted = Chirp(axis="ped", amplitude=0.02, band=(1.0, 30.0), at="actuators")
     asked = "chirp,axis=ped,amplitude=0.02,band=1:30,at=actuators"
@@ -43,10 +43,6 @@ def test_settings_are_numbers_lists_and_texts(planned):
     assert planned("--excitation", "chirp,band=1:30", *general) == wanted
     given = planned("--excitation", "multisine,axis=lat+ped,amplitude=0.05:0.01,period=10")
     assert (given.axis, given.amplitude, given.period) == ("lat+ped", (0.05, 0.01), 10.0)
-
-
-def test_a_plan_of_a_composite_can_be_flown(planned, tmp_path):
-    """A plan file nests what the command line can't; --seed and --out are beside it."""
     text = """
     [excitation]
     kind = "Sequence"
@@ -188,7 +184,6 @@ def test_a_signal_ends_a_flight_with_its_summary(capsys, counting, monkeypatch, 
 
 @pytest.mark.slow
 def test_what_was_flown_is_written(capsys, tmp_path):
-    """Each start of the autopilot has a record; one too short for it is told."""
     record, recording = tmp_path / "flown.parquet", tmp_path / "flown.rrd"
     status, _ = served(300, "--record", record, "--rerun", recording)
     assert status == 0

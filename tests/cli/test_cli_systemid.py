@@ -47,7 +47,6 @@ def test_options_overrule_what_the_log_says(tmp_path, capsys):
 
 
 def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
-    """Without sweeps, with times of one's own, of a CSV, of no bytes, and of several fits."""
     path, other = SidLog().save(tmp_path), tmp_path / "a.csv"
     assert "no SystemID messages (SIDS, SIDD)" in fails(capsys, "identify", path)
     assert "has one" in fails(capsys, "identify", path, "--time", "t:s")

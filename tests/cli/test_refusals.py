@@ -94,7 +94,6 @@ def test_lists_fit_80_columns(capsys, command):
 
 
 def test_long_lines_are_wrapped_and_short_ones_left_alone():
-    """A table's spaces stay; a path that is longer than a line stays whole."""
     table = "  a      b\n  1.0    2.0"
     assert wrapped(table) == table
     path = "/long" * 30

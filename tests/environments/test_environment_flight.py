@@ -34,7 +34,6 @@ def qpos_and_qvel(env):
 
 @pytest.mark.parametrize("kind", ["sticks", "servos"])
 def test_actions_fly_what_controls_fly_in_mujoco(kind):
-    """A frame is ten plain steps of the model with the same sticks, or the same servos, held."""
     env = single(action=kind)
     env.reset(seed=0, options=CALM)
     vehicle = load("jr700", integrator="Euler")
@@ -121,7 +120,6 @@ def test_rewards_are_what_the_documentation_says():
 
 
 def test_a_command_is_tracked_and_changes():
-    """Every four seconds another one, of the seed; the errors are those of velocity and heading."""
     env = single("Track")
     seen, _ = env.reset(seed=5, options={"motion": {}, "command": (1.0, 2.0, -0.5, 0.0)})
     np.testing.assert_allclose(seen[:3], [1.0, 2.0, -0.5], atol=1e-6)
@@ -241,7 +239,6 @@ class Counting:
 
 
 def test_a_controller_of_ones_own_flies_each_helicopter():
-    """Each has a copy with a memory of its own; one that raises ends its own episode alone."""
     vehicle = load("jr700", integrator="Euler").with_controller(Counting())
     settings = {"vehicle": vehicle, "weather": Weather(), "threads": 2}
     settings |= {"vectorization_mode": "vector_entry_point"}

@@ -60,7 +60,6 @@ def test_pictures_show_the_helicopter_move():
 
 
 def test_no_graphics_before_the_first_picture(monkeypatch):
-    """An environment that could be drawn is made and flown without; then one clear line."""
     failing = Mock(side_effect=RuntimeError("no\ndisplay"))
     monkeypatch.setattr(mujoco, "Renderer", failing)
     env = helisim.gym.HelicopterEnv(render_mode="rgb_array")
@@ -104,12 +103,8 @@ def flown(**settings):
     return b"".join(one.tobytes() for one in said)
 
 
-def test_threads_change_nothing():
+def test_threads_change_nothing_and_seeds_count_on_or_are_given():
     assert len({flown(threads=threads, **ROUGH) for threads in (1, 2, 3)}) == 1
-
-
-def test_seeds_count_on_or_are_given():
-    """A seed is that of the first, of NumPy too; a list is one each; none goes on drawing."""
     env = vector(count=3)
     counted, _ = env.reset(seed=np.int64(7))
     listed, _ = env.reset(seed=[9, 8, 7])

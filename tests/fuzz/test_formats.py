@@ -232,7 +232,6 @@ def attempt(name, sound, folder, seed):
 @pytest.mark.parametrize("seeds", [range(24), pytest.param(range(24, 124), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", READERS)
 def test_a_spoiled_file_is_read_or_refused(name, seeds, sound, tmp_path):
-    """A sound file is read; whatever was written into it, no other exception, and no NaN."""
     file, read = READERS[name]
     assert read(sound / file) is not None
     found = {seed: said for seed in seeds if (said := attempt(name, sound, tmp_path, seed))}

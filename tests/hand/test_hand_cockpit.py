@@ -62,7 +62,6 @@ def tap(at, key):
 
 @pytest.mark.slow
 def test_keys_fly_and_record(fly, tmp_path):
-    """Forward for two seconds, with R before and after: the record has the stick and the way."""
     script = [tap(0.5, "r"), (1.0, 3.0, "up"), tap(4.0, "r"), tap(5.0, "escape")]
     seat, seen = fly(script, seconds=20.0)
     assert seat.closed
@@ -81,7 +80,6 @@ def test_keys_fly_and_record(fly, tmp_path):
 
 @pytest.mark.slow
 def test_a_second_of_the_clock_is_a_second_of_flight(fly, flight, jr700):
-    """Paused, time stands still; drawn or stepped alone, the state is the same to the bit."""
     fly([tap(0.5, "p"), tap(1.5, "p")], seconds=2.0)
     assert flight.time == pytest.approx(1.0, abs=0.1)
     alone = HandFlight(jr700)
@@ -91,7 +89,6 @@ def test_a_second_of_the_clock_is_a_second_of_flight(fly, flight, jr700):
 
 @pytest.mark.slow
 def test_every_recording_has_a_file(fly, tmp_path):
-    """None is written over, whatever is there before; a reset, and the end, write what runs."""
     fly([tap(0.1, "r"), tap(0.4, "r"), tap(0.6, "r")], closes=1.0)
     seat, _ = fly([tap(0.1, "r"), tap(1.0, "backspace")], seconds=1.2)
     names = sorted(path.name for path in tmp_path.iterdir())
@@ -108,7 +105,6 @@ def test_every_recording_has_a_file(fly, tmp_path):
 
 
 def test_a_crash_is_told_and_recorded_and_a_key_starts_again(fly, flight):
-    """The collective all the way down: the message says why; Backspace hovers again."""
     script = [tap(0.1, "r"), (0.2, 6.0, "s"), tap(7.0, "backspace")]
     seat, seen = fly(script, assist="level", seconds=8.0)
     crashed = seen.messages(6.0, 6.9)
@@ -129,7 +125,6 @@ def test_a_key_switches_the_assist_and_too_short_a_recording_says_so(fly, flight
 
 
 def test_a_joystick_flies_and_may_be_lost(fly, flight):
-    """Throttle up for two seconds; without it the flight waits, and goes on with P."""
     sticks = Sticks(Joystick(0, "radio"))
 
     def axes(now):
@@ -214,7 +209,6 @@ def glfw(*there):
 
 
 def test_joysticks_are_found_by_number_or_name():
-    """The only one, one of several; what there is if none fits. A gamepad's triggers are none."""
     assert choose(glfw(PAD), "") == PAD
     both = glfw(RADIO, PAD)
     assert choose(both, "1") == PAD

@@ -26,7 +26,6 @@ def level_speed(flight):
 
 @pytest.mark.parametrize("name", ["jr700", pytest.param("blade360", marks=pytest.mark.slow)])
 def test_hover_assist_commands_velocities_and_a_turn(name):
-    """Stops are 6 m/s, and 2 m/s of climb; let go, it stops, stays and keeps its heading."""
     flight = HandFlight(load(name))
     start = flight.data.qpos[:3].copy()
     flight.fly(3.0)
@@ -50,7 +49,6 @@ def test_hover_assist_commands_velocities_and_a_turn(name):
 
 @pytest.mark.slow
 def test_level_assist_commands_tilt(hovering, jr700):
-    """Half a stick is half of 0.45 rad; let go, it is level again."""
     hovering.reset()
     hovering.assist = "level"
     hovering.fly(2.0, lon=-0.5)  # forward: backward the fin would turn it round
@@ -62,7 +60,6 @@ def test_level_assist_commands_tilt(hovering, jr700):
 
 
 def test_without_assist_the_sticks_go_to_the_gyro(hovering):
-    """What arrives at the gyro is half the deflection; nothing levels the helicopter."""
     hovering.reset()
     hovering.assist = "none"
     hovering.fly(0.3, lat=0.2)
@@ -75,7 +72,6 @@ def test_without_assist_the_sticks_go_to_the_gyro(hovering):
 
 @pytest.mark.slow
 def test_a_gentle_descent_lands_and_is_in_the_record(jr700):
-    """It stands on its gear and takes off again; the record says from when on it was held."""
     flight = HandFlight(jr700)
     flight.start_recording()
     flight.fly(7.0, col=-0.4)
@@ -87,7 +83,7 @@ def test_a_gentle_descent_lands_and_is_in_the_record(jr700):
     assert not flight.crashed
 
 
-def test_a_hard_landing_is_a_crash(jr700):
+def test_a_hard_landing_is_a_crash_and_the_same_hand_flies_the_same_flight(jr700):
     flight = HandFlight(jr700, assist="level", height=3.0)
     flight.fly(5.0, col=-1.0)
     assert "hit the ground at" in flight.crashed
@@ -99,9 +95,21 @@ def test_a_hard_landing_is_a_crash(jr700):
     flight.fly(1.0, col=0.0)
     assert not flight.crashed
 
+    def flown():
+        flight = HandFlight(jr700, weather=Weather(wind=5.0, turbulence="light"), seed=3)
+        start = flight.data.qpos[:3].copy()
+        flight.start_recording()
+        flight.fly(3.0)
+        assert np.linalg.norm(flight.data.qpos[:3] - start) < 1.0
+        return flight.stop_recording()
+
+    one, other = flown(), flown()
+    np.testing.assert_array_equal(one.values, other.values)
+    assert one.provenance == other.provenance
+    assert one["phi"].std() > 0.0
+
 
 def test_a_crash_is_in_the_record_and_the_identification_refuses_it(hovering):
-    """Rolled over on the spot; the record is whole: it goes on to the crash."""
     hovering.reset()
     hovering.assist = "none"
     hovering.start_recording()
@@ -115,7 +123,6 @@ def test_a_crash_is_in_the_record_and_the_identification_refuses_it(hovering):
 
 
 def test_a_recording_is_a_flight_record(hovering, tmp_path):
-    """Its time begins at 0, its sticks are those that were flown, and it comes back from a file."""
     hovering.reset()
     hovering.assist = "hover"
     hovering.fly(1.0, col=0.0)
@@ -138,21 +145,6 @@ def test_a_recording_is_a_flight_record(hovering, tmp_path):
     assert by_hand["assist"] == [[0.0, "hover"], [pytest.approx(2.0), "level"]]
     path = write_record(record, tmp_path / "hand.parquet")
     assert read_record(path).provenance == record.provenance
-
-
-def test_the_same_hand_flies_the_same_flight(jr700):
-    def flown():
-        flight = HandFlight(jr700, weather=Weather(wind=5.0, turbulence="light"), seed=3)
-        start = flight.data.qpos[:3].copy()
-        flight.start_recording()
-        flight.fly(3.0)
-        assert np.linalg.norm(flight.data.qpos[:3] - start) < 1.0
-        return flight.stop_recording()
-
-    one, other = flown(), flown()
-    np.testing.assert_array_equal(one.values, other.values)
-    assert one.provenance == other.provenance
-    assert one["phi"].std() > 0.0
 
 
 def test_what_can_not_be_is_refused(hovering, jr700):
@@ -180,7 +172,6 @@ class Late:
 
 
 def test_a_controller_of_ones_own_flies_by_hand_and_may_fail(jr700):
-    """Where it fails the flight ends and the record says how; a reset starts it anew."""
     flight = HandFlight(jr700.with_controller(Controller(tail=Late())))
     flight.start_recording()
     flight.fly(0.4, ped=0.3)

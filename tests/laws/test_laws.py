@@ -203,7 +203,6 @@ def test_a_file_flies_and_its_record_can_be_flown_again(folder, jr700):
 
 
 def test_a_law_follows_the_vehicle_that_flies_it(jr700):
-    """About the trim of another flight, and at another period of the ticks."""
     flying = jr700.with_controller(HOLDS)
     ahead = flying.trimmed(speed=5.0)
     assert ahead.controller.settings[1:3].tolist() == [ahead.trim.phi, ahead.trim.theta]

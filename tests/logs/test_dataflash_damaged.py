@@ -59,7 +59,6 @@ def test_a_letter_that_is_not_known(tmp_path):
 
 
 def test_a_clock_that_goes_back(tmp_path):
-    """Its messages stay in the file's order, and the reader of logs refuses them with the row."""
     log = counting(100)
     for k in range(100, 200):
         log.write(1, 2500 * (k - 100) + 50, k, 0.0)
@@ -91,7 +90,6 @@ def test_marks_inside_of_messages(tmp_path):
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))])
 def test_damage_anywhere_costs_no_other_message(tmp_path, seed):
-    """Bytes overwritten, cut out or put in: what lies elsewhere is read, or the error is ours."""
     random = np.random.default_rng(seed)
     log = counting(150)
     starts = np.cumsum([0, *(len(one) for one in log.messages)])
@@ -121,7 +119,6 @@ def test_damage_anywhere_costs_no_other_message(tmp_path, seed):
 
 
 def test_a_logger_that_drops_messages(tmp_path):
-    """Many short gaps: how long they are is said, and those that are interpolated are noted."""
     log, random = Log(), np.random.default_rng(3)
     log.define(1, "ONE", "Qf", "TimeUS,X", units="sk", multipliers="F0")
     log.define(2, "SLO", "Qf", "TimeUS,Y", units="sk", multipliers="F0")
@@ -157,7 +154,6 @@ def test_a_logger_that_drops_messages(tmp_path):
 
 
 def test_an_autopilots_whole_log_is_no_record(tmp_path):
-    """Of hundreds of columns on many clocks, the user says which are channels: in one line."""
     log = Log()
     for number in range(1, 8):
         log.define(number, f"T{number}", "Qff", "TimeUS,A,B", units="skd", multipliers="F00")

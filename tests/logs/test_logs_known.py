@@ -47,7 +47,6 @@ def test_a_clock_is_judged_by_its_steps(steps, max_gap, kind, numbers, rate):
 
 
 def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
-    """Ten samples, 21 s without, ten more, 21 s without, and one: 42 of 60 s, lines 12 and 22."""
     t = np.r_[0:10, 30:40, 60].astype(float)
     path = table(tmp_path / "a.csv", t, np.arange(21.0), header="t [s],p [rad/s]")
     with pytest.raises(LogError) as caught:

@@ -49,7 +49,6 @@ STAMPS = {
 
 @pytest.mark.parametrize(("unit", "stamps"), STAMPS.items())
 def test_clocks_since_1970_lose_nothing(tmp_path, unit, stamps):
-    """Stamps too long for a double give uniform samples of 10 ms."""
     path = tmp_path / "a.csv"
     path.write_text("t,p\n" + "".join(f"{stamp},1.{k}\n" for k, stamp in enumerate(stamps)))
     record = read_log(path, channels=P, time=Clock("t", unit)).record

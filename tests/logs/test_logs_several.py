@@ -57,7 +57,6 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
 
 
 def test_the_error_is_of_every_kind_and_survives_a_process(tmp_path):
-    """Whoever catches what a reader raised before catches it; a worker can hand it back."""
     one, _ = faulty(tmp_path)
     with pytest.raises(LogError) as raised:
         read_log(one, channels=MAP)
@@ -69,7 +68,6 @@ def test_the_error_is_of_every_kind_and_survives_a_process(tmp_path):
 
 @pytest.mark.parametrize(("unit", "declared"), [(1e3, "s"), (1e6, "s"), (1e-3, "ms")])
 def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declared):
-    """Steps of 20 s, of 20 000 s, or of 20 us: no flight log has such."""
     t = unit * np.arange(200) / 50.0
     path = table(tmp_path / "a.csv", t, np.sin(t), header="t,p")
     with pytest.raises(LogError, match="its steps are") as raised:
@@ -86,7 +84,6 @@ def jittery(folder, share, seed=0, rate=100.0):
 
 
 def test_small_jitter_is_resampled_unasked_and_told(tmp_path):
-    """Stamps off by up to a tenth of a step: the report has the rms of it and the rate."""
     path = jittery(tmp_path, 0.2)
     log = read_log(path, channels=P, time=SECONDS)
     log.check_uniform()
@@ -151,7 +148,6 @@ def spiked():
 
 
 def test_spikes_are_noted_and_interpolated_on_request():
-    """To a rate's own noise; every other sample keeps its bits; the provenance tells it."""
     good, record = made(), spiked()
     clean = screen(good, repair=("spikes", "frozen"))
     assert clean.record is good
@@ -175,7 +171,6 @@ def test_spikes_are_noted_and_interpolated_on_request():
 
 
 def test_a_dead_sensor_is_cut_out_on_request():
-    """Noted, or left out, with the record split there; an input that rests is no sensor."""
     rate, stick = made()["p"].copy(), made()["lat"].copy()
     rate[2000:2151] = rate[2000]
     stick[4000:4400] = stick[4000]
@@ -192,7 +187,6 @@ def test_a_dead_sensor_is_cut_out_on_request():
 
 
 def test_lost_samples_are_counted():
-    """By the steps that are whole multiples of a steady recorder's; a gap counts as such."""
     kept = np.ones(TIME.size, dtype=bool)
     kept[[100, 2000, 2001, 2002]] = False
     kept[3000:3100] = False
@@ -232,7 +226,6 @@ def test_foreign_logs_are_screened_too(tmp_path):
 
 @pytest.mark.parametrize("value", [0.0, 1e200, -1e308])
 def test_channels_that_are_no_motion_say_nothing(value):
-    """Constant or absurd numbers under the names of rates and angles are no reason to fail."""
     names = ("p", "q", "r", "phi", "theta", "psi")
     odd = {name: np.full(TIME.size, value) for name in names} | {"q": value * np.sin(TIME)}
     assert screen(made(**odd), channels=()).report.findings == ()

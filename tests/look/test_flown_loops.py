@@ -147,7 +147,6 @@ def test_two_logs_give_the_figures_of_all_their_axes(tmp_path):
 
 
 def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):
-    """It prints what it took from where, and figures with intervals; options overrule."""
     path = Flown().fly(10).fly(12).save(tmp_path)
     assert main(["margins", str(path), "--quiet"]) == 0
     text = capsys.readouterr().out

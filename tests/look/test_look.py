@@ -122,7 +122,6 @@ def same_response(fit, frequency, *, tolerance):
 
 
 def test_a_log_of_ardupilot(tmp_path, capsys):
-    """Messages of three rates with jitter: channels, the sweep, the band, and the command."""
     found = look(ardupilot(tmp_path / "a.bin"))
     (log,) = found.logs
     columns = {one.name: (one.column.column, one.column.unit) for one in log.channels}
@@ -151,7 +150,6 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_log_of_px4(tmp_path):
-    """Topics with jitter, attitude as a quaternion: channels, the sweep, and the command."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     found = look(px4(tmp_path / "a.ulg"))
     (log,) = found.logs
@@ -179,7 +177,7 @@ def test_a_table_of_anyone(tmp_path):
         same_response(runs(found, tmp_path), frequency, tolerance=0.03)
 
 
-def test_what_is_given_is_taken_and_doubted(tmp_path):
+def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_path, capsys):
     """A map's channel is no guess; a wrong one, or a wrong unit of time, has the option to try."""
     path = anyones(tmp_path / "a.csv")
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
@@ -192,6 +190,17 @@ def test_what_is_given_is_taken_and_doubted(tmp_path):
     assert "its steps are 20 s" in finding.text
     assert said(finding) == "--time time_ms:ms"
     assert found.proposal is None
+    t = np.arange(3000) / 50.0
+    random = np.random.default_rng(0)
+    path = tmp_path / "rest.csv"
+    table = np.column_stack([t, 0.01 * random.standard_normal((3000, 2)), np.full(3000, 0.2)])
+    np.savetxt(path, table, delimiter=",", header="t [s],p [rad/s],q [rad/s],lat [1]", comments="")
+    assert main(["look", str(path)]) == 1
+    printed = capsys.readouterr().out
+    assert "no control moves" in printed
+    assert "nothing can be identified" in printed
+    with pytest.raises(InputError, match="no logs"):
+        look([])
 
 
 @pytest.mark.parametrize(
@@ -205,7 +214,6 @@ def test_what_is_given_is_taken_and_doubted(tmp_path):
     ],
 )
 def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):
-    """What is printed can be pasted: a structure that the excited axes allow, in a band."""
     paths = [str(examples()[name].path) for name in names]
     assert main(["look", *paths, "--json", str(tmp_path / "look.json")]) == 0
     printed = capsys.readouterr().out
@@ -220,7 +228,6 @@ def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):
 
 
 def test_a_closed_loop_is_told(tmp_path):
-    """A gyro that answers gusts drives the control besides the stick; in calm air not seen."""
     t = np.arange(0.0, 80.0, 0.01)
     random = np.random.default_rng(0)
     inside = np.clip((t - 5.0) / 70.0, 0.0, 1.0)
@@ -238,20 +245,6 @@ def test_a_closed_loop_is_told(tmp_path):
         options = [said(one) for one in found.logs[0].findings if one.kind == "loop"]
         assert options == (["--reference LAT"] if told else [])
         assert ("--reference LAT" in command(found)) == told
-
-
-def test_nothing_to_identify_is_said(tmp_path, capsys):
-    t = np.arange(3000) / 50.0
-    random = np.random.default_rng(0)
-    path = tmp_path / "rest.csv"
-    table = np.column_stack([t, 0.01 * random.standard_normal((3000, 2)), np.full(3000, 0.2)])
-    np.savetxt(path, table, delimiter=",", header="t [s],p [rad/s],q [rad/s],lat [1]", comments="")
-    assert main(["look", str(path)]) == 1
-    printed = capsys.readouterr().out
-    assert "no control moves" in printed
-    assert "nothing can be identified" in printed
-    with pytest.raises(InputError, match="no logs"):
-        look([])
 
 
 def named(path, control, rate, scale=1.0):

@@ -38,7 +38,6 @@ def test_linearised_flight_has_the_published_derivatives_and_balance_is_closed(v
 
 
 def test_calibration_needs_no_tuned_gyro():
-    """A new vehicle is calibrated before its gyro is tuned; the gyro does not matter to it."""
     given = read_parameters(FOLDER / "parameters.toml")
     known = published("blade360")
     solved = calibrate("blade360", given, known.targets, known.source)

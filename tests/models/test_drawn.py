@@ -52,14 +52,12 @@ def build(folder: Path, job: str) -> str:
 
 
 def test_only_the_named_parts_have_a_mass(name, folder):
-    """Whatever else is drawn or collides has a mass of exactly 0, not one of its volume."""
     spec = mujoco.MjSpec.from_file(str(folder / f"{name}.xml"))
     assert {geom.name for geom in spec.geoms if geom.mass != 0.0} == MASSIVE | MORE[name]
     assert all(geom.mass >= 0.0 for geom in spec.geoms)  # NaN would be: of its volume
 
 
 def test_what_is_drawn_touches_nothing(scene):
-    """Group 2 never collides; what does is not drawn, but the ground."""
     touching = (scene.geom_contype | scene.geom_conaffinity) != 0
     assert not np.any(touching & (scene.geom_group == DRAWN))
     assert scene.geom_contype[scene.geom("ground").id] == 1

@@ -36,7 +36,6 @@ def test_only_skids_and_bars_collide_and_never_with_the_vehicle(model):
 
 @pytest.mark.parametrize("file", [VEHICLE, SCENE], ids=lambda path: path.stem)
 def test_compiles_silently(file, tmp_path):
-    """Loading prints nothing, and leaves no MuJoCo log behind."""
     code = "import sys, mujoco; mujoco.MjModel.from_xml_path(sys.argv[1])"
     command = [sys.executable, "-W", "always::UserWarning", "-c", code, str(file)]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -47,7 +46,6 @@ def test_compiles_silently(file, tmp_path):
 @pytest.mark.parametrize("file", [VEHICLE, SCENE], ids=lambda path: path.stem)
 @pytest.mark.parametrize("start", ["hover", None], ids=["hover", "ground"])
 def test_runs_under_random_control_without_a_warning(file, start):
-    """Two seconds of pseudo-random control without callbacks raise no warning."""
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     if start:
@@ -63,7 +61,6 @@ def test_runs_under_random_control_without_a_warning(file, start):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_a_copied_folder_has_its_scene(name, tmp_path):
-    """Ground, sky and meshes come with it; nothing is read from beside the folder."""
     copied = shutil.copytree(models_folder() / name, tmp_path / "elsewhere")
     model = mujoco.MjModel.from_xml_path(str(copied / "scene.xml"))
     assert model.geom("ground").type == mujoco.mjtGeom.mjGEOM_PLANE
@@ -100,7 +97,6 @@ def farthest(model, data, seconds=10.0):
 @pytest.mark.parametrize("file", ["scene", "alone"])
 @pytest.mark.parametrize("name", vehicle_names())
 def test_hover_from_the_keyframe(name, file, integrator):
-    """Ten seconds with the gyro on and nobody at the sticks: it stays where it is."""
     model = shipped(name, file)
     model.opt.integrator = INTEGRATORS[integrator]
     data = mujoco.MjData(model)
@@ -135,7 +131,6 @@ def attached(*vehicles):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_one_attached_hovers(name, recwarn):
-    """`MjSpec.attach` brings numbers, delays, sensors and keyframe along, under a prefix."""
     model, data = attached(name)
     assert hs.check_model(model) == (f"0/{name}",)
     assert farthest(model, data) < HOVER

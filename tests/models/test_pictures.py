@@ -56,7 +56,6 @@ def shots(vehicle, tmp_path_factory):
 
 @pytest.mark.parametrize("camera", ["chase", "top"])
 def test_cameras_show_the_vehicle(shots, vehicle, camera):
-    """Each camera has the vehicle in its middle, and its main parts in view."""
     picture, geoms = shots[camera], shots[camera + "_geoms"]
     assert picture.std() > 10  # a blank picture has 0
     scene = mujoco.MjModel.from_xml_path(str(MODELS / vehicle / "scene.xml"))

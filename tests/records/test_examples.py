@@ -73,8 +73,7 @@ def test_models_are_identified_from_them(structure, sweeps, unseen, options, log
         assert hs.verify(fit, logs[doublet].slice(start, stop)).acceptable
 
 
-def test_the_foreign_log_is_the_same_helicopter(logs):
-    """Its names, units and signs are another logger's, its response is that of the sweep."""
+def test_the_foreign_log_is_the_same_helicopter_and_the_script_makes_them(logs, jr700, tmp_path):
     assert logs["logger"].names == ("LAT", "LON", "lat", "lon", "p", "q")
     responses = [
         hs.frequency_response(logs[name], inputs="lat", outputs="p", band=(4.0, 20.0))
@@ -84,10 +83,6 @@ def test_the_foreign_log_is_the_same_helicopter(logs):
     error = np.hypot(*(one.random_error for one in responses))
     assert np.max(apart / error) < 5.0  # of some forty points, none beyond five deviations
     assert np.median(apart) < 0.02
-
-
-def test_the_script_makes_them(logs, jr700, tmp_path):
-    """One is flown again: the same to a step of the recorder, on any machine."""
     again = maker.flown(jr700, hs.Doublet(axis="lat"), maker.SEED)
     shipped = logs["doublet_lat"]
     assert again.names == shipped.names

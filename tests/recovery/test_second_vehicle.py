@@ -28,7 +28,6 @@ def test_published_derivatives_are_recovered_from_nothing_but_the_records(result
 
 
 def test_bands_are_the_vehicles_own():
-    """The Blade 360 states its bands; the JR700, which states none, has the experiment's."""
     bands = {name: [m.band for m in base_models(load(name))] for name in ("blade360", "jr700")}
     assert bands["blade360"] == [(1.0, 30.0), (6.0, 100.0), (0.3, 12.0)]
     assert bands["jr700"] == [(0.6, 25.0), (3.0, 42.0), (0.3, 12.0)]

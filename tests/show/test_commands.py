@@ -32,7 +32,6 @@ def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
 
 
 def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
-    """The Blade 360's flight shows a Blade 360; two vehicles do not fit into one recording."""
     drawn = []
     monkeypatch.setattr(
         "helisim.show.recording.write_recording",

@@ -50,7 +50,6 @@ def drawings() -> list[Drawing]:
     ],
 )
 def test_ticks_are_round_numbers(low, high, most, steps, texts):
-    """1, 2 or 5 times a power of ten, or the steps that are asked for; a plain zero."""
     assert Scale.of(low, high, most=most, steps=steps).texts == texts
 
 
@@ -94,7 +93,6 @@ def test_a_phase_starts_on_its_own_turn(line, starts, ends):
 
 
 def test_noise_below_the_coherent_band_moves_no_phase():
-    """Random angles that would wind the phase up and down do not turn what is known."""
     random = np.random.default_rng(3)
     line, good = np.exp(-0.1 * S) / (S + 1.0), OMEGA > 1.0
     wound = line.copy()

@@ -104,7 +104,7 @@ def test_signals_pose_and_rotor_come_back(written):
     np.testing.assert_allclose(hub, np.tile([0.0, 0.0, -0.28], (len(hub), 1)), atol=1e-5)  # MJCF
 
 
-def test_a_log_without_the_rotors_truth_is_drawn(tmp_path, model):
+def test_a_log_without_the_rotors_truth_and_the_models_own_geoms_are_drawn(tmp_path, model):
     names = tuple(name for name in CHANNELS if name not in ROTOR)
     strange = (channel("p"), channel("LAT"), Channel("rpm", "1/min", "OTHER"))
     short = FlightRecord([0.0, 1.0], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], strange)
@@ -117,10 +117,6 @@ def test_a_log_without_the_rotors_truth_is_drawn(tmp_path, model):
     signals = {name for name in found if name.startswith("/s/")}
     assert signals == {"/s/rates", "/s/sticks", "/s/rpm"}
     assert numbers(found["/s/rates"]["Scalars:scalars"]).ravel().tolist() == [1.0, 4.0]
-
-
-def test_the_models_own_geoms_are_drawn(model):
-    """Forward-right-down from the centre of gravity; blades are the rotors'; no mesh is lost."""
     shapes = model_shapes(model)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

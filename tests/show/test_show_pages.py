@@ -176,7 +176,6 @@ def test_a_notebooks_pages_are_whole_and_need_nothing(shown):
 
 
 def test_names_of_others_are_text(tmp_path):
-    """A channel may be called anything: it is escaped, in figure and table, and no formula."""
     names = ("<b>&", "$x_1^{2$")
     channels = (Channel(names[0], "<i>", "OTHER", "</style><script>"), Channel(names[1], "1", "X"))
     values = np.arange(20.0).reshape(10, 2)

@@ -36,7 +36,7 @@ class Window:
         return nullcontext()
 
 
-def test_a_hover_is_flown_in_real_time(jr700):
+def test_a_hover_is_flown_in_real_time_and_a_slow_computer_does_not_hurry(jr700):
     flight, clock = prepare_live(jr700), Clock()
     start = flight.data.qpos[:3].copy()
     window = Window(61)
@@ -44,9 +44,6 @@ def test_a_hover_is_flown_in_real_time(jr700):
     assert flown > 0.9
     assert flown == pytest.approx(clock.now, abs=0.02)  # a picture
     assert np.linalg.norm(flight.data.qpos[:3] - start) < 0.1
-
-
-def test_a_slow_computer_does_not_hurry_after_the_clock(jr700):
     flight, clock = prepare_live(jr700), Clock()
 
     def stalling(_seconds: float) -> None:
@@ -76,7 +73,6 @@ def seen_at(model, data, points, *, name):
 
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
 def test_helicopter_shadow_and_pad_are_seen(name):
-    """The view begins with all of the helicopter in it, its shadow, and the middle of the pad."""
     flight = prepare_live(load(name))
     model, data = flight.model, flight.data
     own = model.body_rootid[model.geom_bodyid] == model.body(name).id
@@ -91,7 +87,6 @@ def test_helicopter_shadow_and_pad_are_seen(name):
 
 
 def test_the_disc_tilts_and_the_blades_turn(jr700):
-    """The disc leans by the flapping states, the blade has turned clockwise with the time."""
     doublet = Doublet(axis="lat", duration=2.0, trim_time=0.2)
     flight, clock = prepare_live(jr700, doublet), Clock()
     model, data = flight.model, flight.data

@@ -71,7 +71,6 @@ def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
 
 
 def test_threads_of_rollout_take_turns_in_a_python_law(jr700):
-    """Several simulations of one model in several threads: no stuck thread, the same bits."""
     vehicle = jr700.with_controller(own_laws.attitude_controllers(jr700)[0])
     kind, starts = mujoco.mjtState.mjSTATE_FULLPHYSICS, []
     for k in range(4):

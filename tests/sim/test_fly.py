@@ -74,7 +74,6 @@ def test_bad_arguments_are_refused(jr700, name, bad):
 
 
 def test_flight_that_stopped_is_refused(jr700):
-    """MuJoCo stops a rollout that diverges; a clock that stands still is noticed."""
     truth = np.zeros((10, jr700.model.nsensordata))
     clock = jr700.model.sensor("clock").adr[0]
     truth[:, clock] = np.minimum(np.arange(10), 5) * 0.002
@@ -99,7 +98,6 @@ for k, record in enumerate(hs.fly(hs.load(), sweep, count=2, seed=2**40, jobs=in
 
 @pytest.mark.slow
 def test_another_process_with_other_threads_writes_the_same_bytes(tmp_path):
-    """Neither the process, its hash seed, its locale, its clock nor any number of threads."""
     other = {"PYTHONHASHSEED": "7", "OPENBLAS_NUM_THREADS": "2", "LC_ALL": "C", "TZ": "Asia/Tokyo"}
     written = []
     for jobs, environment in (("1", {}), ("2", other)):
@@ -126,7 +124,6 @@ def hover(vehicle, *faults, pilot=NO_REMNANT, excitation=QUIET):
 
 
 def test_nothing_changes_before_a_fault_and_everything_repeats(jr700):
-    """To the bit: until it comes, for the same seed, for any number of threads."""
     sweep = Sweep(axis="lat", duration=8.0, trim_time=1.0)
     fault = ServoStuck(servo="servo_left", at=4.0)
     plan = FlightPlan(excitation=sweep, faults=[fault])
@@ -143,7 +140,6 @@ def test_nothing_changes_before_a_fault_and_everything_repeats(jr700):
 
 @pytest.mark.parametrize("name", SERVOS)
 def test_a_stuck_servo_stays_and_its_command_goes_on(jr700, name):
-    """Where it is when it sticks, or where it was said to stick; the other three move."""
     k = SERVOS.index(name)
     sweep = Sweep(axis="ped" if k == 3 else "lat", duration=8.0, trim_time=1.0)
     truth = hover(jr700, ServoStuck(servo=name, at=3.0), excitation=sweep, pilot=Pilot())
@@ -206,7 +202,6 @@ def test_a_gap_is_where_it_was_said_and_not_everywhere():
 
 
 def test_a_seed_repeats_them_and_flights_differ(jr700):
-    """In flight: the same seed, the same losses; each flight its own; the truth as ever."""
     doublet = Doublet(axis="ped", duration=12.0)
     faults = [RecordGap(at=5.0, lasts=0.1), SampleLoss(share=0.02)]
     plan = FlightPlan(excitation=doublet, faults=faults)

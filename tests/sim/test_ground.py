@@ -58,7 +58,6 @@ def stepped(model, data, seconds):
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
 @pytest.mark.parametrize("slope", [0.0, math.radians(10.0)])
 def test_it_stands_for_a_minute_with_its_rotor_stopped(integrator, slope):
-    """The ground carries the weight, straight up on a slope too; nothing creeps or jitters."""
     vehicle = hs.load(integrator=integrator)
     model, data = standing(vehicle, Ground(slope=slope, uphill=0.7))
     _, position, contact = stepped(model, data, 60.0)
@@ -88,7 +87,6 @@ def test_it_tips_over_where_its_weight_leaves_the_skids(blade360, share):
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
 def test_a_fall_is_stopped_by_skids_that_give_way(name, integrator):
-    """Touching down at 2 m/s: no more than 15 g and 25 mm, and each bounce less than the last."""
     vehicle = hs.load(name, integrator=integrator)
     model, data = standing(vehicle, Ground())
     stands = data.qpos[2]
@@ -107,7 +105,6 @@ def test_a_fall_is_stopped_by_skids_that_give_way(name, integrator):
 
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
 def test_it_stands_on_a_deck_that_moves(integrator):
-    """The deck carries it along: force of contact and place follow the prescribed motion."""
     vehicle = hs.load(integrator=integrator)
     heave = Swing(amplitude=0.5, period=6.0, phase=0.4)
     model, data = standing(vehicle, Ground(deck=Deck(heave=heave)))
@@ -208,7 +205,6 @@ def test_ends_and_their_reasons(jr700, plan, why):
     ids=["uphill", "across", "deck"],
 )
 def test_a_mission_takes_off_and_lands_again(jr700, ground):
-    """On slopes of 6 degrees, and on a deck that moves; then it stands there, as it leans."""
     mission = TakeOffHoverLand(height=3.0, hover=3.0)
     plan = hs.FlightPlan(mission=mission, pilot=QUIET, ground=replace(ground, parked=True))
     flight = flown(jr700, plan)
@@ -229,7 +225,6 @@ def test_a_mission_takes_off_and_lands_again(jr700, ground):
 
 
 def test_a_hand_crashes_into_a_deck_that_comes_up(jr700):
-    """The deck's own motion counts: hovering still, it is hit by 3 m/s from below."""
     deck = Deck(heave=Swing(amplitude=3.0, period=6.0), above=10.0)
     flight = hs.HandFlight(jr700, ground=Ground(deck=deck), height=1.0)
     flight.fly(2.0)

@@ -34,7 +34,6 @@ def test_what_is_added_is_held_between_ticks(at, timestep):
 
 
 def test_a_record_tells_what_was_added(jr700, tmp_path):
-    """Channels for what no other shows, and their sums; CSV and Parquet keep them."""
     parts = (
         Pulse(axis="ped", at="servos", amplitude=0.02, duration=4.0),
         Pulse(axis="lon", at="actuators", amplitude=0.01, duration=4.0, width=1.0),

@@ -127,7 +127,6 @@ def test_remnant_is_what_was_asked(jr700):
 
 
 def test_four_servo_signals_are_recorded_and_give_in1(jr700):
-    """Also where limits are met: IN1 is of the commands, as the paper recomputes it."""
     doublet, kept = (
         Doublet(axis="ped", amplitude=0.3, width=0.2),
         Recorder(latency={}, antialias_hz=49),

@@ -12,13 +12,24 @@ from helisim.sim.excitation import step_times
 TIME = step_times(20.0, 0.002)
 
 
-def test_a_step_stays_and_a_pulse_goes_back():
+def test_a_step_stays_a_pulse_goes_back_and_together_is_the_sum():
     """From the end of the trimmed stretch on; the edges come at the step that they name."""
     step = Step(axis="lat", amplitude=-0.05, trim_time=3.0, duration=20.0).wave(TIME)
     pulse = Pulse(axis="lat", amplitude=0.05, width=0.4, trim_time=3.0).wave(TIME)
     after = np.arange(TIME.size) >= 1500
     assert np.array_equal(step, np.where(after, -0.05, 0.0))
     assert np.array_equal(pulse, np.where(after & (np.arange(TIME.size) < 1700), 0.05, 0.0))
+    parts = (
+        Step(axis="lat", amplitude=0.05, duration=8.0),
+        Pulse(axis="lat", amplitude=0.02, duration=6.0),
+        Doublet(axis="col", at="actuators", amplitude=0.1),
+    )
+    made = Together(parts=parts)
+    assert (made.duration, made.axis, made.places) == (8.0, "lat+col", ("sticks", "actuators"))
+    time = step_times(8.0, 0.002)
+    lat = parts[0].wave(time) + parts[1].wave(time)
+    assert np.array_equal(made.added(time)["sticks"][:, 2], lat)
+    assert made.added(time)["actuators"][:, 0].any()
 
 
 @pytest.mark.parametrize("kind", [Doublet, ThreeTwoOneOne])
@@ -82,7 +93,6 @@ def test_axes_of_a_multisine_are_orthogonal(slope):
 
 
 def test_a_multisine_has_its_peak_and_its_whole_periods():
-    """The peak is the amplitude; two periods are equal; trimmed before and after; no jump."""
     made = multisine()
     columns = made.added(step_times(26.0, 0.002))["sticks"]
     peaks = np.abs(columns).max(axis=0)
@@ -127,20 +137,6 @@ def test_a_sequence_is_its_parts_one_after_the_other():
     assert not added["sticks"][1500:4850].any()
 
 
-def test_together_is_the_sum():
-    parts = (
-        Step(axis="lat", amplitude=0.05, duration=8.0),
-        Pulse(axis="lat", amplitude=0.02, duration=6.0),
-        Doublet(axis="col", at="actuators", amplitude=0.1),
-    )
-    made = Together(parts=parts)
-    assert (made.duration, made.axis, made.places) == (8.0, "lat+col", ("sticks", "actuators"))
-    time = step_times(8.0, 0.002)
-    lat = parts[0].wave(time) + parts[1].wave(time)
-    assert np.array_equal(made.added(time)["sticks"][:, 2], lat)
-    assert made.added(time)["actuators"][:, 0].any()
-
-
 def test_a_history_is_resampled_as_it_is_told():
     time = np.array([0.0, 1.0, 2.0, 4.0, 5.0])
     values = 1e-3 * (time**3 - 3.0 * time**2)
@@ -154,7 +150,6 @@ def test_a_history_is_resampled_as_it_is_told():
 
 
 def test_sweep_is_written_as_asked(par):
-    """The force laws get the axis's amplitude, and the leakage on the three others."""
     Sweep(axis="lon", duration=60.0, amplitude=0.1, band=(1.0, 20.0), leakage=0.05).write(par)
     assert par[PARAM.excitation] == SWEEP
     sticks = par[PARAM.excitation_col : PARAM.excitation_ped + 1]

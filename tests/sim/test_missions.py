@@ -119,7 +119,6 @@ def test_take_off_hover_and_landing(jr700):
 
 
 def test_another_vehicle_flies_them_too():
-    """Gains come from the vehicle's own gyro and collective: nothing is of the JR700."""
     reached, flight = flown(hs.load("blade360"), hs.missions.Forward(speed=6.0, cruise=1.0))
     assert reached.finished
     assert np.hypot(*flight.positions[-1, :2]) < 1.0
@@ -242,6 +241,5 @@ def test_it_lands_without_an_engine(jr700, height, speed):
 
 
 def test_a_vehicle_without_a_motor_has_none_to_lose():
-    """It is refused in a line that says what is missing, not flown on a motor of zeros."""
     with pytest.raises(ModelError, match=r"mission autorotation .* a positive drive\.inertia"):
         autorotated(hs.load("lynx"))

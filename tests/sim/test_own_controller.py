@@ -61,7 +61,6 @@ def test_a_copy_of_the_shipped_laws_flies_the_same(jr700, numbers):
 
 
 def test_python_and_njit_fly_the_same_bits(jr700):
-    """A law of all that is seen, sines included; all of it does something."""
     python, native = own_laws.attitude_controllers(jr700)
     one = hs.fly(jr700, FAST, seed=5, jobs=1, controller=python)[0]
     other = hs.fly(jr700, FAST, seed=5, jobs=1, controller=native)[0]
@@ -119,7 +118,6 @@ def test_linearisation_is_what_a_law_flies(kind, latency, timestep):
 
 
 def test_flights_have_copies_of_an_object(jr700):
-    """The same bytes for any number of threads, and the object itself never flies."""
     law = own_laws.Counter()
     one = hs.fly(jr700, FAST, seed=2, count=3, jobs=1, controller=law)
     two = hs.fly(jr700, FAST, seed=2, count=3, jobs=3, controller=law)
@@ -129,7 +127,6 @@ def test_flights_have_copies_of_an_object(jr700):
 
 @pytest.mark.parametrize("own", [False, True])
 def test_an_evaluation_can_be_made_again(jr700, own):
-    """`mj_forward` before steps, any number of times, changes nothing: no integral winds up."""
     python, _ = own_laws.attitude_controllers(jr700)
     vehicle = jr700.with_controller(python) if own else jr700
     ends = []
@@ -147,7 +144,6 @@ def test_an_evaluation_can_be_made_again(jr700, own):
 
 
 def test_what_a_law_sees_is_the_truth(jr700):
-    """Time, rates, angles, servos and sticks now; forces of a step ago; PED late by 22 ms."""
     rows = []
 
     def watch(seen, state, settings):
@@ -226,7 +222,6 @@ FAILING = {
 
 @pytest.mark.parametrize("how", FAILING)
 def test_a_law_that_fails_ends_the_flight(jr700, how):
-    """The record goes as far as the law did, and says why, with its traceback and no folder."""
     law, why, where = FAILING[how]
     record = hs.fly(jr700, SHORT, controller=law, keep_ended=True, jobs=1)[0]
     assert len(record) == 100

@@ -77,17 +77,12 @@ def test_a_plan_on_a_vehicle_has_nothing_left_open(name):
     assert FlightPlan.from_dict(tomllib.loads(plan.to_toml())) == plan
 
 
-def test_a_recorder_in_a_file_keeps_the_vehicles_latencies(jr700):
-    """Unless the file gives them; who asks for another rate asks for no other sensors."""
+def test_a_recorder_keeps_the_vehicles_latencies_and_equal_numbers_make_equal_plans(jr700):
     content = {"excitation": {"kind": "Sweep", "axis": "lat"}, "recorder": {"rate_hz": 200}}
     plan = FlightPlan.from_dict(content)
     assert plan.on(jr700).recorder == replace(Recorder.of(jr700), rate_hz=200.0)
     content["recorder"]["latency"] = {}
     assert FlightPlan.from_dict(content).on(jr700).recorder == Recorder(rate_hz=200.0)
-
-
-def test_equal_numbers_make_equal_plans():
-    """Whole numbers and lists are what people write; they are the same plan, hash and digest."""
     plan = FlightPlan(excitation=Sweep(axis="lat", duration=90.0, band=(1.0, 20.0)))
     other = FlightPlan(excitation=Sweep(axis="lat", duration=90, band=[1, 20]), faults=[])
     assert (other, hash(other), other.digest) == (plan, hash(plan), plan.digest)

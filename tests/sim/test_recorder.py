@@ -136,8 +136,7 @@ def test_antialias_filter_is_common_to_all_channels():
     assert list(late.values()) == pytest.approx([late["p"]] * len(late), abs=1e-9)
 
 
-def test_rotor_speed_is_recorded_where_it_moves(jr700):
-    """A flight computer counts the rotor's turns; an ideal governor leaves it nothing to record."""
+def test_rotor_speed_is_recorded_where_it_moves_and_servo_positions_on_request(jr700):
     vehicle = load("jr700", parameters={"drive.governor": "motor"})
     doublet = Doublet(axis="col", amplitude=0.05)
     (moved,) = fly(vehicle, doublet, seed=1)
@@ -147,6 +146,13 @@ def test_rotor_speed_is_recorded_where_it_moves(jr700):
     assert 1e-4 < abs(off).max() < 1e-2
     (kept,) = fly(jr700, doublet, seed=1)
     assert "rotor_speed" not in kept
+    plan = FlightPlan(excitation=SHORT, recorder=Recorder(**QUIET, rotor=True))
+    (flown,) = fly(jr700, plan, seed=3)
+    truth = next(simulate(jr700, plan, seed=3))
+    assert flown.select(SERVO_POSITIONS)[::2] == pytest.approx(truth.servo_positions, abs=CLOCK)
+    assert np.abs(truth.servo_positions - truth.servo_commands).max() > 1e-3
+    (usual,) = fly(jr700, SHORT, seed=3)
+    assert not set(SERVO_POSITIONS) & set(usual.names)
 
 
 # A sensor channel more: its line among the channels, and its line in the recorder's table
@@ -156,14 +162,3 @@ SHORT = Sweep(axis="lon", duration=20.0)
 QUIET = {"antialias_hz": 400.0, "rate_hz": 1000.0, "latency": {}, "noise": {}, "resolution": {}}
 CLOCK = 1e-9
 """MuJoCo's added-up time is 1e-12 s off the recorder's in 20 s, of signals below 100 units/s."""
-
-
-def test_servo_positions_are_recorded_on_request(jr700):
-    """What the servos truly did, late on what they were told; beside the rotor's truth."""
-    plan = FlightPlan(excitation=SHORT, recorder=Recorder(**QUIET, rotor=True))
-    (flown,) = fly(jr700, plan, seed=3)
-    truth = next(simulate(jr700, plan, seed=3))
-    assert flown.select(SERVO_POSITIONS)[::2] == pytest.approx(truth.servo_positions, abs=CLOCK)
-    assert np.abs(truth.servo_positions - truth.servo_commands).max() > 1e-3
-    (usual,) = fly(jr700, SHORT, seed=3)
-    assert not set(SERVO_POSITIONS) & set(usual.names)

@@ -54,8 +54,8 @@ def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
         assert held.jnt_bodyid[held.actuator(name).trnid[0]] == held.body("jr700").id
 
 
-def test_the_bench_gives_the_controllers_gains(ground):
-    """k_p and k_I, given k_delta, with the default noise and resolution."""
+def test_bench_and_turntable_give_the_controllers_gains(ground):
+    """k_p and k_I, given k_delta; k_a, given both, two ways; and the lead on the rate."""
     found = ground["bench"]
     # 0.4 % measured; the resolution of the recorded servo is 2 % of the smallest jump
     assert percent(found["k_p"]) < 1.0
@@ -64,9 +64,6 @@ def test_the_bench_gives_the_controllers_gains(ground):
     assert percent(found["k_I / k_p"]) < 1.0
     # a twentieth of a sample: the edges of the steps fall between samples
     assert found["delay"].error == pytest.approx(0.0, abs=5e-4)
-
-
-def test_the_turntable_gives_the_rate_gain(ground):
     found = ground["turntable"]
     assert percent(found["k_a"]) < 0.5  # 0.01 to 0.1 % over seeds 1 to 3
     assert percent(found["k_a by k_p"]) < 2.0  # 0.1 to 0.5 %; with the bench's error of k_p
@@ -130,7 +127,6 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
 
 
 def test_the_suspension_finds_the_centre_of_gravity(ground):
-    """Within 1 mm, and so the IMU's lever arm, with the default noise."""
     found = ground["suspension"]
     assert found["cg distance"].value < 1e-3
     for axis in "xyz":
@@ -144,7 +140,6 @@ def test_the_suspension_finds_the_centre_of_gravity(ground):
 
 
 def test_a_centre_of_gravity_elsewhere_is_found_there(jr700):
-    """With the mass moved by centimetres, the plumb lines meet where it went."""
     held = hold(jr700, "suspension")
     held.model.body_ipos[held.model.body("jr700").id] += [0.02, -0.01, 0.015]
     lines = [plumb_line(hang(held, name), at) for name, at in rigs.suspension_points(held).items()]

@@ -40,7 +40,6 @@ def test_time_step_does_not_matter():
 
 @pytest.mark.parametrize(("heading", "start"), [(0.0, -0.5), (0.7, -10.5)])
 def test_air_is_reported_in_body_axes(jr700, heading, start):
-    """Wind, gust and turbulence add up, turned from the path and the earth into the body."""
     gust = Gust(east=4.0, start=start, rise=1.0, hold=9.0)  # half of it, rising or falling
     weather = Weather(wind=3.0, wind_from=heading, rms=(1.0, 1.0, 1.0), gust=gust)
     vehicle = weather.trimmed(jr700)

@@ -75,7 +75,6 @@ class Served:
 
 @pytest.mark.parametrize("channels", [16, 32])
 def test_a_packet_is_what_the_protocol_says(channels):
-    """Little-endian: magic number, rate, count, and as many pulses as the magic number tells."""
     autopilot = played.PlayedAutopilot(1, channels=channels)
     autopilot.count = 70_000
     autopilot.close()
@@ -107,8 +106,7 @@ def test_a_clock_that_cuts_microseconds_loses_none(begins):
     assert {int(1e6 * (after - before)) for before, after in pairwise(times)} == {1000}
 
 
-def test_a_frame_that_comes_again_gets_the_same_bytes():
-    """The same frame twice is one step; other pulses in it change nothing."""
+def test_a_frame_that_comes_again_gets_the_same_bytes_and_a_second_autopilot_none():
     with Served() as served:
         autopilot = served.autopilot()
         autopilot.send((1100,))
@@ -117,10 +115,17 @@ def test_a_frame_that_comes_again_gets_the_same_bytes():
         assert autopilot.receive() == first
     assert served.flown == [0]
     assert served.told.repeated == 1
+    with Served() as served:
+        first, second = served.autopilot(), served.autopilot()
+        first.frame((1000,))
+        for _ in range(20):
+            second.send()
+            first.frame((1000,))
+    assert served.flown == list(range(21))
+    assert served.told.ignored == 20
 
 
 def test_an_autopilot_that_starts_anew_finds_the_helicopter_on_the_ground(monkeypatch):
-    """Its count is 0 again: the vehicle is placed anew, and time begins at 0."""
     monkeypatch.setattr(link_module, "SILENT", 0.1)
     monkeypatch.setattr(link_module, "_AT_ONCE", 0.1)
     with Served() as served:
@@ -134,17 +139,6 @@ def test_an_autopilot_that_starts_anew_finds_the_helicopter_on_the_ground(monkey
     assert (served.resets, told.starts, told.frames) == (1, 2, 22)
     assert told.seconds == pytest.approx(0.022)
     assert "2 starts of the autopilot" in str(told)
-
-
-def test_a_second_autopilot_is_not_served_beside_the_first():
-    with Served() as served:
-        first, second = served.autopilot(), served.autopilot()
-        first.frame((1000,))
-        for _ in range(20):
-            second.send()
-            first.frame((1000,))
-    assert served.flown == list(range(21))
-    assert served.told.ignored == 20
 
 
 def test_frames_that_never_come_late_or_again_are_told():
@@ -169,7 +163,6 @@ def test_frames_that_never_come_late_or_again_are_told():
 
 
 def test_a_bad_way_stops_nothing():
-    """A tenth of all packets lost, doubled or cut: all flown once, in order, one answer each."""
     proof = lock_step.prove(200, share=0.1, resend=0.01)
     assert len(proof.did) == 6
     assert proof.faults == []

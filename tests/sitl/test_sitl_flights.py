@@ -202,7 +202,6 @@ def test_the_jr700_in_ardupilots_units(study, jr700):
 
 @pytest.mark.study
 def test_logs_that_it_wrote_meet_the_bars(study, ardupilot, monkeypatch, tmp_path):
-    """The JR700 and ArduPilot's own helicopter, flown by the program itself."""
     monkeypatch.setenv("HELISIM_ARDUPILOT", str(ardupilot))
     assert study.main(["--fly", str(tmp_path)]) == 0
 

@@ -131,14 +131,11 @@ def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
         assert abs(found.least_gain - cut.least_gain) < BARS["gain margin"]
 
 
-def test_a_vehicle_without_a_bench_says_its_servos_itself():
+def test_a_vehicle_without_a_bench_and_flights_that_do_not_suffice(tmp_path):
     vehicle = load("blade360")
     found = servos_of(vehicle)
     assert found["tail_omega"][0] == vehicle.parameters["servo.tail_frequency"]
     assert servos_of(None) is None
-
-
-def test_flights_that_do_not_suffice_are_refused_with_what_to_do(tmp_path):
     flights = {"lat": [make_flight()], "lon": [make_flight()], "col": [make_flight()]}
     with pytest.raises(InputError, match=r"no sweep of ped.*Fly some"):
         identify_for_design(flights)
@@ -160,7 +157,6 @@ def run_folder(tmp_path_factory):
 
 @pytest.mark.study
 def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_path, capsys):
-    """The sampled linearisation, of which nothing was told: 45 deg, 6 dB, 1.3 times the gyro's."""
     out = tmp_path / "design"
     words = ["design", str(run_folder), "--out", str(out), "--no-proof", "--quiet"]
     assert main(words) == 0
@@ -193,7 +189,6 @@ def test_without_a_run_it_says_what_makes_one(tmp_path, capsys, monkeypatch):
 
 @pytest.mark.study
 def test_records_of_no_shipped_vehicle_need_one(run_folder, tmp_path, capsys, jr700):
-    """Whose records say nothing of what flew: the vehicle is asked for, and taken."""
     from helisim.records.storage import read_record, write_record
 
     own = tmp_path / "flights"

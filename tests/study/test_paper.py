@@ -93,15 +93,20 @@ def test_cramer_rao_is_at_least_twice_the_insensitivity(name):
             assert row.cr_percent >= 2.0 * row.insensitivity_percent
 
 
-def test_tables_are_addressed_by_name():
+def test_tables_are_addressed_by_name_and_errata_printed(capsys):
     with pytest.raises(UnknownNameError, match="available: airframe, yaw_base"):
         JR700["yaw"]
     with pytest.raises(UnknownNameError, match="parameter of heave 'Z_q'; available: Z_col, Z_w"):
         JR700["heave"]["Z_q"]
+    assert len({one.title for one in errata()}) == len(errata()) >= 20  # the design names eleven
+    assert main(["errata"]) == 0
+    text = capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 80
+    assert f"{len(errata())}. " in text
 
 
-def test_the_same_model_shows_no_difference():
-    """Identified as the parts say: no coefficient and no response differs."""
+def test_what_is_found_stands_beside_what_is_printed():
+    """The same model shows no difference; IN2 a tenth larger, its tied A_b not identified."""
     direct = overall_from_parts(BASE, GYRO)
     check = check_overall(BASE, GYRO, direct, band_rad_s=BAND)
     assert [one.difference_percent for one in check.coefficients] == [0.0] * 5
@@ -112,10 +117,6 @@ def test_the_same_model_shows_no_difference():
     assert data["coefficients"][0]["difference_percent"] == 0.0
     assert data["band_rad_s"] == [0.6, 25.0]
     assert {"gain_db", "gain_at_rad_s", "phase_deg", "phase_at_rad_s"} <= data.keys()
-
-
-def test_what_the_gyro_does_stands_beside_what_is_printed():
-    """IN1 as printed, IN2 a tenth larger, its tied A_b not identified."""
     after = {name: 1.1 * x for name, x in values("rollpitch_in2").items() if name != "A_b"}
     found = gyro_effect(values("rollpitch_in1"), after)
     changes = {one.name: one for one in found.changes}
@@ -177,11 +178,3 @@ def test_an_erratum_says_what_the_tables_give(place, expected):
     title, part = place
     (found,) = [one for one in errata() if one.title == title]
     assert expected in getattr(found, part)
-
-
-def test_errata_are_printed(capsys):
-    assert len({one.title for one in errata()}) == len(errata()) >= 20  # the design names eleven
-    assert main(["errata"]) == 0
-    text = capsys.readouterr().out
-    assert max(map(len, text.splitlines())) <= 80
-    assert f"{len(errata())}. " in text

@@ -94,7 +94,7 @@ def test_halving_the_time_step_changes_little(results):
         assert change < limit / 3.0, (name, change)
 
 
-def test_the_gyro_is_given_what_the_ground_tests_found(results):
+def test_the_gyro_is_given_what_the_ground_tests_found_and_eq_8_follows(results, folder):
     ground = results.ground
     assert results["yaw_gyro"]["k_I"].identified == ground["bench"]["k_I"].value
     assert results["yaw_gyro"]["k_I"].identified != results["yaw_gyro"]["k_I"].truth
@@ -105,9 +105,6 @@ def test_the_gyro_is_given_what_the_ground_tests_found(results):
     assert read_off.standard_error is None
     for name in ("k_I", "k_p", "k_delta", "k_a"):  # all of Table 2 within 3 %
         assert abs(results["yaw_gyro"][name].paper_error_percent) < 3.0
-
-
-def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
     check = results.eq_8
     for one in check.coefficients:
         # 2.5 %: the parts leave servo and lead out, whose 10 ms nearly cancel; 2.1 % measured
@@ -136,7 +133,6 @@ def test_the_gyros_effect_and_the_doublets_figures_are_in_the_results(results, f
 
 
 def test_the_records_alone_give_the_same_model(results, folder):
-    """A record read back from disk identifies like the one in memory: nothing else is used."""
     flights = [
         hs.read_record(path)
         for path in sorted((folder / "flights").glob("col_*.parquet"))
@@ -161,7 +157,6 @@ def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
 
 @pytest.mark.study
 def test_a_killed_run_leaves_the_results_before(results, folder, tmp_path):
-    """Kill -9 when new results are about to be complete: those before are there, whole."""
     copied = shutil.copytree(folder, tmp_path / "copy")
     path = copied / "results.json"
     before = path.read_bytes() + b" "  # valid, and told from the new ones

@@ -27,7 +27,6 @@ def run(jr700):
 
 @pytest.mark.study
 def test_a_design_is_flown_as_it_was_predicted(run):
-    """Within its bars; it keeps its levels in flight, away from all stops."""
     found = list(errors(run))
     assert {(one.axis, one.figure) for one in found} == {(a, b) for a in AXES for b in BARS}
     for one in found:

@@ -173,7 +173,6 @@ def test_the_structure_is_the_vehicle_s(jr700, model, percent):
 
 @pytest.mark.slow
 def test_the_servos_are_found_within_their_errors():
-    """Of another vehicle's servos than the shipped one's, four numbers within 3.5 errors each."""
     changed = {
         "servo.swash_frequency": 170.0,
         "servo.swash_damping": 0.6,

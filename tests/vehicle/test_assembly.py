@@ -121,7 +121,6 @@ SWAPPED = {"left": "right", "right": "left"}
 
 
 def test_a_recorded_flight_is_the_mirror_image(pair):
-    """Pilot, gyro, servos and recorder: every channel, or its namesake on the other side."""
     records = [
         fly(
             vehicle,

@@ -22,7 +22,6 @@ def test_nothing_accelerates(jr700):
 
 
 def test_place_centres_all_sticks_and_settles_the_gyro():
-    """A vehicle that needs offset controls starts in its hover too, gyro and all."""
     vehicle = load(parameters={"main_rotor.hub_x": 0.01, "tail_rotor.arm_z": -0.05})
     assert abs(vehicle.trim.lon) > 0.005
     data = vehicle.hovering()

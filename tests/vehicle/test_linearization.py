@@ -76,7 +76,6 @@ def response(vehicle, offsets, seconds, *, gyro):
 
 @pytest.mark.parametrize("axis", ["col", "lon", "lat", "ped"])
 def test_linear_model_is_the_flown_one(jr700, axis):
-    """The linear step response equals half the difference of two small flown steps."""
     step, seconds = 1e-3, 0.6
     unit = dict.fromkeys(("col", "lon", "lat", "ped"), 0.0) | {axis: step}
     offsets = np.zeros(8)
@@ -127,7 +126,6 @@ def test_what_has_no_six_degrees_is_refused():
 
 
 def test_six_degrees_of_freedom_have_the_whole_models_response_at_low_frequency(jr700):
-    """Far below the rotor's 15 and 27 rad/s both models answer alike; the fast modes are gone."""
     whole = jr700.linearize("IN1")
     rigid = whole.rigid_body()
     assert rigid.system.state_labels == list(RIGID_BODY)
@@ -165,7 +163,6 @@ def at_ticks(system):
     ("setting", "stick"), [("aileron_rate", "LAT"), ("elevator_rate", "LON"), ("pitch_rate", "COL")]
 )
 def test_a_rate_is_the_travel_of_its_stick(jr700, setting, stick):
-    """At half the rate a stick does half at every frequency; the other sticks do what they did."""
     name = f"gyro.{setting}"
     half = jr700.with_settings({name: jr700.parameters[name] / 2.0})
     before, after = (at_ticks(one.linearize("IN2").system) for one in (jr700, half))
@@ -193,7 +190,6 @@ def test_a_flight_mode_is_a_share_of_the_cyclic_integral(jr700):
 
 
 def test_the_collectives_rate_moves_the_stick_not_the_hover():
-    """Where the hover needs collective, a smaller rate needs more stick for the same."""
     rigged = {"main_rotor.pitch_trim": 0.07}
     full, half = load(parameters=rigged), load(parameters={**rigged, "gyro.pitch_rate": 0.2})
     assert half.trim.col == pytest.approx(full.trim.col, abs=1e-9)

@@ -30,7 +30,7 @@ def myheli(tmp_path_factory):
     return copied(tmp_path_factory.mktemp("hangar") / "myheli")
 
 
-def test_a_copy_elsewhere_under_another_name_is_the_same_to_the_bit(jr700, myheli):
+def test_a_copy_elsewhere_is_the_same_to_the_bit_and_found_from_there(jr700, myheli, monkeypatch):
     own = hs.load(str(myheli))
     assert (own.name, own.folder) == ("myheli", myheli)
     assert own.trim == jr700.trim
@@ -38,9 +38,6 @@ def test_a_copy_elsewhere_under_another_name_is_the_same_to_the_bit(jr700, myhel
         found, wanted = own.linearize(inputs).system, jr700.linearize(inputs).system
         for matrix in "ABCD":
             np.testing.assert_array_equal(getattr(found, matrix), getattr(wanted, matrix))
-
-
-def test_relative_paths_are_taken_from_where_one_is(myheli, monkeypatch):
     monkeypatch.chdir(myheli.parent)
     assert model_folder("myheli") == model_folder("./myheli") == myheli
     monkeypatch.chdir(myheli)
@@ -76,7 +73,6 @@ def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
 
 
 def test_a_recording_asks_for_the_vehicle_that_flew(myheli, tmp_path, capsys):
-    """Records keep its name and no path, so its shape must be given; then it is drawn."""
     record = hs.fly(hs.load(myheli), hs.Sweep(axis="ped", duration=12.0))[0]
     assert record.provenance["vehicle"] == "myheli"
     assert str(myheli.parent) not in str(record.provenance)

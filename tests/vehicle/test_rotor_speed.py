@@ -81,7 +81,6 @@ def power_of(vehicle):
 
 
 def test_the_trim_s_throttle_is_that_of_the_torque(motor, jr700):
-    """Voltage that the battery gives: back-EMF, and the current's that makes the torque."""
     own = motor.parameters
     drive, main, tail, _ = power_of(motor)
     assert drive == pytest.approx(main + tail, rel=1e-9)
@@ -96,7 +95,6 @@ def test_the_trim_s_throttle_is_that_of_the_torque(motor, jr700):
 
 
 def test_stock_mujoco_starts_in_the_trim_or_from_rest(tmp_path):
-    """The keyframe has the motor settled; the state that mjData begins with is at rest."""
     own = copied(tmp_path / "own")
     edited(own, "parameters.toml", 'governor = { value = "ideal"', 'governor = { value = "motor"')
     write_numbers(own)

@@ -65,7 +65,6 @@ unit = st.floats(-1.0, 1.0)
     at=st.tuples(unit, unit, unit),
 )
 def test_any_three_servos_stand_on_the_plane_of_the_swashplate(angles, arms, signs, at):
-    """A plate's height at the ball link is col + x lon + y lat; a reversed servo turns it over."""
     turns = np.radians(angles)
     x, y = arms * np.cos(turns), arms * np.sin(turns)
     area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
@@ -85,7 +84,6 @@ def test_any_three_servos_stand_on_the_plane_of_the_swashplate(angles, arms, sig
 
 
 def test_the_flight_does_not_depend_on_where_the_servos_stand():
-    """Within travel and rate the swashplate goes where the gyro sends it, so IN1 is the same."""
     plan = FlightPlan(
         excitation=Sweep(axis="lat", duration=8.0, trim_time=1.0),
         recorder=Recorder(latency={}, noise={}, resolution={}),
@@ -144,7 +142,6 @@ def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
     ],
 )
 def test_a_steady_disc_is_that_of_one_blade(direction, lock, frequency, flown):
-    """A blade integrated in the rotating frame, in a steady turn and with cyclic."""
     turning = {"lock_number": lock, "speed": 100.0, "direction": direction}
     ranges = {"lon_range": 0.3, "lat_range": 0.25}
     found = flapping_from_blade(**turning, flap_frequency=frequency, **ranges)

@@ -44,17 +44,13 @@ def vehicle(folder):
 
 
 @pytest.mark.slow
-def test_it_has_the_derivatives_that_it_was_calibrated_to(vehicle):
+def test_it_has_the_derivatives_that_it_was_calibrated_to_and_sticks_their_sense(vehicle):
+    """`ped` turns the nose right, `lat` rolls right, `lon` pitches up, whichever way it turns."""
     for name, value in heron.TARGETS.items():
         assert vehicle.derivatives[name] == pytest.approx(value, rel=1e-7), name  # the solver's
     trim = vehicle.trim
     assert np.abs([trim.col, trim.ped]).max() < 1e-7
     assert np.abs([trim.lon, trim.lat]).max() < 0.003  # against the tail's torque
-
-
-@pytest.mark.slow
-def test_pedals_and_cyclic_have_their_sense(vehicle):
-    """`ped` turns the nose right, `lat` rolls right, `lon` pitches up, whichever way it turns."""
     response = vehicle.linearize("IN2").response(np.array([0.5]))[..., 0]
     system = vehicle.linearize("IN2").system
     for stick, rate, gain in (("PED", "r", 4.0), ("LAT", "p", 6.0), ("LON", "q", 6.0)):
@@ -143,7 +139,6 @@ def test_the_papers_time_constant_is_a_blade(jr700):
 
 
 def test_a_heavier_blade_follows_more_slowly(jr700):
-    """Twice the inertia: half the Lock number; springs as stiff beside the air as before."""
     heavy = hs.load("jr700", parameters={INERTIA: 2.0 * jr700.parameters[INERTIA]})
     before, after = TipPathPlane.of(jr700.parameters), TipPathPlane.of(heavy.parameters)
     assert after.share == pytest.approx(0.5 * before.share, rel=1e-12)
@@ -156,7 +151,6 @@ def test_a_heavier_blade_follows_more_slowly(jr700):
 
 @pytest.mark.parametrize("name", ["air.density", "main_rotor.speed", "main_rotor.chord"])
 def test_what_the_air_does_changes_and_the_blade_stays(jr700, name):
-    """Of another density, speed or chord [flapping] is another, blade and swashplate the same."""
     other = hs.load("jr700", parameters={name: 0.95 * jr700.parameters[name]})
     own, before = other.parameters, jr700.parameters
     assert own[INERTIA] == pytest.approx(before[INERTIA], rel=1e-12)
@@ -192,7 +186,6 @@ def heavy_heron(folder, inertia=0.0115):
 
 @pytest.mark.slow
 def test_a_folder_may_give_the_inertia(tmp_path, capsys):
-    """Calibrated without a tau_f, the vehicle flies with that of its blades."""
     there = heavy_heron(tmp_path / "swung")
     assert main(["calibrate", str(there), "--write", "--quiet"]) == 0
     assert main(["tune", str(there), "--write", "--quiet"]) == 0
@@ -229,7 +222,6 @@ PAPERS = {
 
 
 def test_calibrated_file_is_what_calibrate_writes():
-    """Solving again gives the numbers of calibrated.toml: nobody typed them."""
     given = read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml")
     stored = read_parameters(FOLDER / "calibrated.toml")
     tried = []

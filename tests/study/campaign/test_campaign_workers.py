@@ -111,7 +111,6 @@ def by_processes(tmp_path_factory) -> Path:
 
 
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, tmp_path):
-    """Local processes and two Dask workers, one of each killed on the way: one dataset."""
     distributed = pytest.importorskip("distributed", reason=NO_DASK)
     asked = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     cluster = distributed.LocalCluster(**asked, host="127.0.0.1")
