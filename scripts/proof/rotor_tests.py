@@ -1,0 +1,259 @@
+"""The rotor's force laws beside measured rotors, and Prouty's worked one.
+
+The main rotor's laws alone, with each rotor's own numbers: with the blades' polar, stall and
+compressibility, and as they were without (one drag coefficient at any lift, Mach number and speed).
+
+- Knight and Hefner, NACA TN 626: hover, NACA 0015, tip Reynolds number 242,000, nearly the JR700's;
+  polar c_d = 0.0113 + 1.25 alpha^2 at a lift slope of 5.75, theirs.
+- Castles and Gray, NACA TN 2474: hover and vertical descent, the same section, torque above that at
+  no thrust; runs scatter by 12 %. Autorotation is where that torque is none.
+- Harrington, NACA TN 2318: full-scale hover, read off figures to 3 to 6 %; c_d0 from the torque at
+  no thrust, the rise as of Bailey's polar (NACA Rep. 716), 0.4 alpha^2.
+- Wheatley and Hood, NACA Rep. 515: PCA-2 autogiro in autorotation, table IV; its blades' mean drag
+  coefficient is 0.012 (Wheatley, NACA Rep. 487), here as c_d0 and rise. The hub's drag is in it.
+- Prouty, Helicopter Performance, Stability and Control: table 3.3 at 115.5 kn and figure 1.45,
+  NACA 0012; a calculation.
+
+    python scripts/proof/rotor_tests.py
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, root
+
+from helisim.physics.flapping import coning, flap_back
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
+from helisim.physics.rotor import drag_rise, main_rotor, normal
+
+DENSITY, SPEED = 1.225, 100.0  # of no matter: all is over them, and the radius is 1 m
+MODEL, FULL = 1.25 / 5.75**2, 0.4 / 5.73**2
+"""Rise of c_d by c_l^2: Knight and Hefner's, Bailey's."""
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """A rotor's numbers as the glossary has them; mach: of the tips."""
+
+    solidity: float
+    slope: float
+    drag: float
+    lift_drag: float
+    induced_factor: float = 1.15
+    twist: float = 0.0
+    mach: float = 0.0
+    fall: float = 1.8
+    mean_drag: float | None = None
+
+    def before(self) -> "Rotor":
+        """Return it with one drag coefficient, one stall limit and incompressible air."""
+        drag = self.drag if self.mean_drag is None else self.mean_drag
+        return Rotor(self.solidity, self.slope, drag, 0.0, self.induced_factor, self.twist, fall=0)
+
+    def at(self, pitch: float, ahead: float = 0.0, down: float = 0.0, back: float = 0.0) -> Any:
+        """Return `MainRotor`, CT, CQ and force, (3,), over rho A (Omega R)^2; back: tilt, rad."""
+        par = np.zeros(len(PARAM))
+        numbers = {
+            "air_density": DENSITY,
+            "main_direction": 1.0,
+            "main_radius": 1.0,
+            "main_speed": SPEED,
+            "main_solidity": self.solidity,
+            "main_lift_slope": self.slope,
+            "main_induced_factor": self.induced_factor,
+            "main_profile_drag": self.drag,
+            "main_lift_drag": self.lift_drag,
+            "main_divergence": 0.725,
+            "main_mach": self.mach,
+            "main_stall": 0.18,
+            "main_stall_fall": self.fall,
+            "main_twist": self.twist,
+            "main_pitch_range": 1.0,
+            "flap_stop": 10.0,
+        }
+        for name, value in numbers.items():
+            par[getattr(PARAM, name)] = value
+        motion = Velocities(ahead * SPEED, 0.0, down * SPEED, 0.0, 0.0, 0.0)
+        tips = (back, 0.0)
+        main = main_rotor(par, motion, 1.0, pitch, tips, (0.0, 0.0))
+        unit = DENSITY * math.pi * SPEED**2
+        force = main.thrust * np.array(normal(par, tips)) + [main.drag_x, main.drag_y, 0.0]
+        return main, main.thrust / unit, main.torque / unit, force / unit
+
+    def torque(self, thrust: float, down: float = 0.0) -> float:
+        """Return CQ at a CT, in hover or vertical descent, over the tip speed."""
+        pitch = brentq(lambda one: self.at(one, 0.0, down)[1] - thrust, -0.3, 0.5)
+        return self.at(pitch, 0.0, down)[2]
+
+    def flapped(self, pitch: float, ahead: float, down: float) -> tuple[Any, float]:
+        """Return `at` with the tilt that airspeed asks for of blades without cyclic pitch."""
+        back = 0.0
+        for _ in range(30):
+            found = self.at(pitch, ahead, down, back)
+            back = ahead * flap_back(pitch, found[0].inflow, ahead)
+        return found, back
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure of a source, the model's with all on, and before."""
+
+    source: str
+    what: str
+    printed: float
+    found: float
+    before: float
+
+    @property
+    def off(self) -> float:
+        return self.found / self.printed - 1.0
+
+    @property
+    def off_before(self) -> float:
+        return self.before / self.printed - 1.0
+
+
+def of_both(
+    source: str, what: str, printed: float, rotor: Rotor, figure: Callable[..., float], *given: Any
+) -> Row:
+    found, before = (figure(one, *given) for one in (rotor, rotor.before()))
+    return Row(source, what, printed, found, before)
+
+
+HOVER = {  # blades -> solidity; degrees -> CT and CQ
+    2: (0.04244, {4: (1.24e-3, 9.55e-5), 8: (3.25e-3, 2.47e-4), 12: (4.95e-3, 4.39e-4)}),
+    3: (0.06366, {4: (1.49e-3, 1.50e-4), 8: (4.165e-3, 3.675e-4), 12: (6.85e-3, 6.785e-4)}),
+    4: (0.08488, {4: (1.69e-3, 2.05e-4), 8: (4.905e-3, 4.60e-4), 12: (8.725e-3, 9.55e-4)}),
+}
+
+
+def thrust_at(rotor: Rotor, pitch: float) -> float:
+    return rotor.at(pitch)[1]
+
+
+def knight_hefner() -> Iterator[Row]:
+    source = "Knight and Hefner"
+    for blades, (solidity, measured) in HOVER.items():
+        rotor = Rotor(solidity, 5.75, 0.0113, MODEL)
+        for degrees, (thrust, torque) in measured.items():
+            name, pitch = f"{blades} blades, {degrees} deg", math.radians(degrees)
+            yield of_both(source, f"{name}: CT", thrust, rotor, thrust_at, pitch)
+            yield of_both(source, f"{name}: CQ at CT", torque, rotor, Rotor.torque, thrust)
+
+
+STILL = 0.05 * 0.0106 / 8.0  # CQ at no thrust of Castles and Gray's rotor
+
+
+def autorotation(rotor: Rotor, thrust: float) -> float:
+    hover = math.sqrt(0.5 * thrust)
+    return brentq(lambda down: rotor.torque(thrust, down) - STILL, 1.6 * hover, 2.5 * hover)
+
+
+def castles_gray() -> Iterator[Row]:
+    rotor, source = Rotor(0.05, 5.75, 0.0106, MODEL), "Castles and Gray"
+    for thrust, torque in ((2.89e-3, 1.37e-4), (4.0e-3, 2.26e-4), (4.88e-3, 3.42e-4)):
+        what = f"hover, CT {thrust:.5f}: CQ"
+        yield of_both(source, what, torque + STILL, rotor, Rotor.torque, thrust)
+    for thrust, speed in ((2e-3, 0.055), (4e-3, 0.083), (5e-3, 0.096)):
+        what = f"CT {thrust:.3f}: descent in autorotation"
+        yield of_both(source, what, speed, rotor, autorotation, thrust)
+
+
+def merit(rotor: Rotor, thrust: float) -> float:
+    return thrust**1.5 / math.sqrt(2.0) / rotor.torque(thrust)
+
+
+def harrington() -> Iterator[Row]:
+    for name, rotor, measured in (
+        ("1", Rotor(0.027, 5.75, 0.0101, FULL), ((2.16e-3, 0.565), (2.97e-3, 0.615))),
+        ("2", Rotor(0.076, 5.75, 0.0110, FULL), ((4.2e-3, 0.535), (5.8e-3, 0.586))),
+    ):
+        for thrust, printed in measured:
+            what = f"rotor {name}, CT {thrust:.5f}: figure of merit"
+            yield of_both("Harrington", what, printed, rotor, merit, thrust)
+
+
+def glide(rotor: Rotor, advance: float) -> tuple[float, float]:
+    """Return CL and L/D of the PCA-2's rotor in autorotation."""
+    pitch = math.radians(2.7)
+    down = brentq(lambda one: rotor.flapped(pitch, advance, one)[0][2], -0.01, 0.2)
+    force, along = rotor.flapped(pitch, advance, down)[0][3], np.array([advance, 0.0, down])
+    drag = float(-force @ along / np.linalg.norm(along))
+    lift = math.sqrt(force @ force - drag**2)
+    return 2.0 * lift / float(along @ along), lift / drag
+
+
+def pca2() -> Iterator[Row]:
+    rotor, source = Rotor(0.0976, 5.85, 0.0098, FULL, mean_drag=0.012), "Wheatley and Hood"
+    for advance, *printed in (
+        (0.145, 0.670, 3.18),
+        (0.202, 0.385, 5.04),
+        (0.270, 0.207, 6.68),
+        (0.350, 0.1148, 7.11),
+        (0.412, 0.0784, 7.06),
+        (0.480, 0.0549, 6.48),
+    ):
+        found, before = glide(rotor, advance), glide(rotor.before(), advance)
+        for k, name in enumerate(("CL", "L/D")):
+            yield Row(source, f"mu {advance:.3f}: {name}", printed[k], found[k], before[k])
+
+
+POUND, FOOT, HORSEPOWER = 4.4482216, 0.3048, 745.69987
+TIP, RADIUS, ADVANCE, LEAN = 650.0 * FOOT, 30.0 * FOOT, 0.30, math.radians(3.7)
+FORCE = DENSITY * math.pi * RADIUS**2 * TIP**2
+POWER = FORCE * TIP / HORSEPOWER
+
+
+def cruise(rotor: Rotor) -> dict[str, float]:
+    """Return trim and power at a thrust along the normal of the tips' plane, which leans ahead."""
+    thrust, climb = 20790.0 * POUND / FORCE, ADVANCE * math.tan(LEAN)
+
+    def miss(unknown: Any) -> list[float]:
+        (main, found, *_), _ = rotor.flapped(unknown[0], ADVANCE, unknown[1])
+        return [1e3 * (found - thrust), 1e2 * (main.climb - climb)]
+
+    pitch, down = root(miss, [0.15, -0.05]).x
+    (main, _, torque, _), back = rotor.flapped(pitch, ADVANCE, down)
+    return {
+        "main rotor, hp": POWER * torque,
+        "root collective, deg": math.degrees(pitch - 0.75 * rotor.twist),
+        "B1 + a1s, deg": math.degrees(back),
+        "coning, deg": math.degrees(coning(pitch, rotor.twist, main.inflow, ADVANCE, 8.1, 0.0)),
+    }
+
+
+def prouty() -> Iterator[Row]:
+    # c_d of NACA 0012 at 0 and 6 degrees (his p. 433), kappa of blades with such a twist
+    twist, mach = math.radians(-10.0), 650.0 / 1116.4
+    rotor = Rotor(0.084883, 6.0, 0.0081, 0.0058, 1.1, twist, mach, mean_drag=0.010)
+    hover = [POWER * one.torque(0.00719) for one in (rotor, rotor.before())]
+    yield Row("Prouty", "hover, CT 0.00719: main rotor, hp", 1995.0, *hover)
+    found, before = cruise(rotor), cruise(rotor.before())
+    for what, printed in zip(found, (1097.0, 15.8, 4.9, 4.3)):
+        yield Row("Prouty", f"115.5 kn: {what}", printed, found[what], before[what])
+    # figure 3.43 as he reads it (table 3.5, case 2): 750 ft/s, mu = 0.3, CT / sigma = 0.086
+    mach *= 750.0 / 650.0
+    torque, _ = drag_rise(mach, 0.725 * (1.0 - 6.0 * 0.086**2), 0.3)
+    yield Row("Prouty", "750 ft/s, mu 0.3: rise of CQ/sigma", 0.0043 * mach**3, torque / 8.0, 0.0)
+
+
+def rows() -> tuple[Row, ...]:
+    return (*knight_hefner(), *castles_gray(), *harrington(), *pca2(), *prouty())
+
+
+def main() -> None:
+    head = f"{'source':<19}{'figure':<38}{'printed':>10}"
+    print(head + f"{'model':>10}{'off, %':>8}{'before':>10}{'off, %':>8}")
+    for row in rows():
+        print(
+            f"{row.source:<19}{row.what:<38}{row.printed:>10.4g}{row.found:>10.4g}"
+            f"{100.0 * row.off:>8.1f}{row.before:>10.4g}{100.0 * row.off_before:>8.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
