@@ -111,11 +111,13 @@ def drag_rise(mach, divergence, advance):
     disc at the hover and from mu = 0.2 on, 7.5 % from 0.1, 26 % between.
     """
     tip = 1.0 + advance
-    excess = max(0.0, mach * tip - divergence)
-    width = math.sqrt(excess / (excess + 29.9 * mach * advance + 1e-12))
-    rise = _STEEPNESS * (tip * excess**2) ** 2 * width / (mach + 1e-12)
+    excess = mach * tip - divergence
+    if excess <= 0.0:
+        return 0.0, 0.0
+    width = math.sqrt(excess / (excess + 29.9 * mach * advance))
+    rise = _STEEPNESS * (tip * excess**2) ** 2 * width / mach
     rise /= 1.0 + 0.7 * excess
-    return rise, rise / (advance + 0.1 * excess + 1e-12)
+    return rise, rise / (advance + 0.1 * excess)
 
 
 @kernel()
