@@ -207,7 +207,7 @@ def judged(log: Path, *, own: bool) -> list[str]:
     flown, opened = flown_loops(log), DataFlash(log)
     swept = [sweep for one in flown.logs.values() for sweep in one]
     rate = opened.table("RATE")
-    first = min(opened.first_stamps.values())
+    first = opened.begins
     start, stop = (first + one for one in (swept[0].start, swept[-1].stop))
     while_swept = (rate.time >= start) & (rate.time <= stop)
     hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))

@@ -224,6 +224,10 @@ class Structure(Value):
             }
         )
 
+    def with_free(self, *names: str) -> "Structure":
+        """Return a copy with parameters free that were fixed. Raises UnknownNameError."""
+        return self._with({name: {"fixed": False, "error": 0.0} for name in names})
+
     def with_starts(self, values: Mapping[str, float]) -> "Structure":
         """Return a copy with other starts."""
         return self._with({name: {"start": x} for name, x in values.items()})

@@ -64,8 +64,8 @@ _PARAMETERS = {
         delay_parameter("tau_lon", "delay of longitudinal cyclic"),
         Parameter("A_u", "rad s/m", 1e-3, (-0.02, 0.02), "flap-back by forward velocity"),
         Parameter("A_v", "rad s/m", 0.0, (-0.02, 0.02), "flap-back by side velocity", 0.005),
-        Parameter("L_p", "1/s", -0.03, _BESIDE, "roll damping beside the rotor's", 0.1),
-        Parameter("M_q", "1/s", -0.03, _BESIDE, "pitch damping beside the rotor's", 0.1),
+        Parameter("L_p", "1/s", 0.0, _BESIDE, "roll damping beside the rotor's", 0.1, True, 0.1),
+        Parameter("M_q", "1/s", 0.0, _BESIDE, "pitch damping beside the rotor's", 0.1, True, 0.1),
         Parameter("X_u", "1/s", -0.1, None, "forward damping"),
         Parameter("X_a", "m/s^2", -10.0, None, "forward acceleration by longitudinal flapping: -g"),
         Parameter("Y_v", "1/s", -0.1, None, "side damping"),
@@ -339,7 +339,7 @@ rollpitch_speeds = _built(
     # The tilted thrust accelerates it, and the disc flaps back from the speed, which is several
     # percent of the rates at three times the frequency of the hover's slow modes.
     f"{rollpitch.meaning}, with the speeds that tilting gathers: flap-back, and the "
-    "dampings of fuselage and tail",
+    "dampings of fuselage and tail (0 +- 0.1 1/s; free them where sweeps are long)",
     f"{' '.join(rollpitch.names)} A_u A_v L_p M_q",
     like=rollpitch,
     states="u v phi theta",

@@ -71,16 +71,18 @@ _MISFIT = 10.0  # misfit over noise; the JR700 has 1, with Pitt-Peters inflow 46
 
 _SWASH = blocks.second_order("swash", omega=200.0, zeta=0.7)
 
+_SPEEDS = structures.rollpitch_speeds.with_free("L_p", "M_q")
+
 _MODELS = (
     _Model(YAW_BASE_SERVO, YAW_BASE.structure, ("ped",), "yaw_base"),
     _Model(
         replace(ROLLPITCH_SERVO, band=ROLLPITCH_IN1.band),
-        structures.rollpitch_speeds,
+        _SPEEDS,
         ("lat", "lon"),
         "rollpitch_in1",
         across=2.0,
         inflow=in_series(
-            with_inflow(structures.rollpitch_speeds, "rollpitch_speeds_inflow"),
+            with_inflow(_SPEEDS, "rollpitch_speeds_inflow"),
             inputs={"lat": _SWASH, "lon": _SWASH},
         ),
     ),

@@ -89,7 +89,7 @@ def _spec(table: Mapping[str, Any]) -> ModelSpec:
     data = {**like, **table}
     structure = ident.structures.named(data.pop("structure"))
     servos, renamed = data.pop("servos", {}), data.pop("renamed", {})
-    structure = structure.with_fixed(data.pop("fixed", {}))
+    structure = structure.with_free(*data.pop("free", ()))
     if renamed:
         structure = structure.renamed(renamed, name=like.get("name", data["name"]))
     if servos:
