@@ -39,12 +39,7 @@ Row = dict[str, Any]
 
 def conditions(provenance: Row) -> tuple[str, ...]:
     settings = provenance["campaign"]["settings"]
-    columns = [f"{one['section']}.{one['name']}" for one in settings if varies(one["law"])]
-    return tuple(columns)
-
-
-def varies(law: Row) -> bool:
-    return len(law.get("values", (0, 1))) > 1
+    return tuple(f"{one['section']}.{one['name']}" for one in settings if len(one["values"]) > 1)
 
 
 def levels(rows: Sequence[Row], column: str) -> list[Any]:
