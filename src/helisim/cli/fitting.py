@@ -85,7 +85,7 @@ def identify(o: Options) -> int:
 
     example:
       helisim identify flight.bin
-      helisim identify lat.csv lon.csv --structure rollpitch_speeds --map heli.toml \\
+      helisim identify lat.csv lon.csv --structure rollpitch_speeds --map h.toml \\
           --resample 100 --band 1 40 --json model.json
       helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
 

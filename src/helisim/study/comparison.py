@@ -224,15 +224,17 @@ def comparison_table(
     """
     truth = true_values(vehicle, model, recorder, like=fit.data, air=air)
     tests = ground or {}
+    sources = {one.name: "assumed" for one in model.structure.parameters if one.fixed}
+    sources |= {name: one.source for name, one in model.given.items()}
     given = [
         GivenValue(
             name=name,
             unit=fit[name].unit,
             value=fit[name].value,
-            source=one.source,
+            source=source,
             standard_error=fit[name].standard_error or None,
         )
-        for name, one in model.given.items()
+        for name, source in sources.items()
     ]
     found = [(one, tests[one.source][one.name]) for one in model.behind if one.source in tests]
     behind = [
