@@ -4,7 +4,7 @@ The chain of `helisim design` on the JR700: sweeps, identification, design, flow
 Predicted and flown figures stand beside the exact sampled linearisation, each error beside its
 bar; in turbulence flown figures are held against the exact ones over the air that is met. Then
 rejection and stops in light turbulence beside the shipped gyro's, flown alike; and the chain again
-for one with dynamic inflow and truths that differ by 20 %. What the flown intervals hold is counted by
+for dynamic inflow and truths that differ by 20 %. What the flown intervals hold is counted by
 `python scripts/proof/margins_study.py 200`.
 
     python scripts/design_study.py [FLIGHTS] [SEED]        flights on each axis, 10 by default
