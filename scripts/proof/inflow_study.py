@@ -165,7 +165,9 @@ def main(count: int = 4) -> None:
         "roll-pitch": {
             QUASI_STEADY: hs.identify(cyclic, hs.structures.rollpitch),
             PITT_PETERS: hs.identify(fast, known),
-            EXACT: hs.identify(exact, known),
+            EXACT: hs.identify(
+                exact, known, seed=1
+            ),  # of seed 0 the search says it didn't converge
         },
     }
     for name, both in fits.items():
