@@ -140,6 +140,7 @@ def fly(o: Options) -> int:
         --fault KIND,... <many>  of servo or recorder, see below; repeatable
         --rotor  record the rotor's true tilt and loads too
         @controller
+        @slung
         @weather
         @ground
         --integrator NAME  RK4 (default), or Euler, three times as fast
@@ -256,6 +257,7 @@ def view(o: Options) -> int:
         @seed: of the pilot
         @ground
         @controller
+        @slung
         @set
         by hand:
         --keyboard  fly by hand, with keys

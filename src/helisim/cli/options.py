@@ -216,6 +216,7 @@ vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path
     "set": """
 --set NAME=VALUE <many>  a physical parameter: main_rotor.hub_stiffness=100, SI
 """,
+    "slung": "--slung FILE  hang a load on the vehicle, .xml, see docs/extend/slung_load.md",
     "jobs": "--jobs J <int>  threads (default: all processors)",
     "seed": "--seed S <int =1>  {} (default: 1)",
     "rerun": "--rerun FILE <.rrd>  write a Rerun recording too, .rrd",
@@ -290,6 +291,7 @@ def loaded(options: Options, **more: Any) -> "Vehicle":
     """Return the vehicle that the options say, with --set and --controller. Raises InputError."""
     from helisim.vehicle import load
 
+    more["slung"] = getattr(options, "slung", None)
     vehicle = load(options.vehicle, parameters=parameters(options), **more)
     asked = getattr(options, "controller", None)
     if asked is None:
@@ -357,7 +359,8 @@ def write_recording(
     from helisim.vehicle import load
 
     with progress(len(records), quiet, unit="flight") as advance:
-        drawn = load(vehicle)
+        slung = {str(record.provenance.get("slung", "")) for record in records.values()} - {""}
+        drawn = load(vehicle, slung=slung.pop() if len(slung) == 1 else None)
         write_recording(path, records, model=drawn.visual_model(), on_progress=advance)
     print_recording(path, quiet)
 

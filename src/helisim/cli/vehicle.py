@@ -28,6 +28,7 @@ def linearize(o: Options) -> int:
         --inputs IN <=IN1>  IN1 (servo commands to motion, default) or IN2 (sticks to motion)
         --json  matrices and names as JSON
         @controller
+        @slung
         @set
 
     example: helisim linearize --inputs IN2 --json
@@ -57,6 +58,7 @@ def trim(o: Options) -> int:
         --height H <float>  m above the ground (default: 10)
         --inputs IN <=IN1>  of the linearisations: IN1 (servo commands, default) or IN2 (sticks)
         --json FILE <.json>  write trims and linearisations, .json
+        @slung
         @set
         @quiet
 

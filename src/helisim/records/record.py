@@ -46,6 +46,8 @@ ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
 ROTOR_SPEED = ("rotor_speed",)
 """Measured where a motor turns the rotor; there is none under an ideal governor, which keeps it."""
+LOAD = ("load_x", "load_y", "load_z")
+"""Measured where a load hangs on the vehicle."""
 CONTACT = ("contact",)
 ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
@@ -96,6 +98,9 @@ _STANDARD = (
     Channel("east", "m", "OUT", "position east of the start"),
     Channel("down", "m", "OUT", "position below the start"),
     Channel("rotor_speed", "rad/s", "OTHER", "speed of the main rotor, where a motor turns it"),
+    Channel("load_x", "m", "OTHER", "place of a slung load ahead of its hook, body axes"),
+    Channel("load_y", "m", "OTHER", "place of a slung load right of its hook, body axes"),
+    Channel("load_z", "m", "OTHER", "place of a slung load below its hook, body axes"),
     Channel("a", "rad", "OTHER", "true rearward tilt of the tip-path plane"),
     Channel("b", "rad", "OTHER", "true rightward tilt of the tip-path plane"),
     Channel("thrust", "N", "OTHER", "true main rotor thrust"),

@@ -39,6 +39,7 @@ _FAMILIES = (
     (c.VELOCITIES, "velocity"),
     (c.ACCELERATIONS, "specific force"),
     (c.POSITIONS, "position"),
+    (c.LOAD, "load"),
     (c.ROTOR[:2], "tilt"),
     (c.AIR[:3], "velocity of the air"),
     (c.AIR[3:], "rates of the air"),

@@ -5,6 +5,7 @@ Each flight has its own root and its own time from its first sample::
 <flight>/world               axes north, east, down; ground, deck and trail
 <flight>/world/helicopter    pose of the body (forward, right, down)
 <flight>/world/helicopter/rotor   turns and tilts as recorded
+<flight>/world/helicopter/load    what hangs on it, and straight to it its cable
 <flight>/rates ...           one entity a kind of signal, one series a channel
 <flight>/log                 the mission's events
 """
@@ -26,9 +27,11 @@ from helisim.base.errors import InputError
 from helisim.base.files import atomic_write
 from helisim.physics.motion import flip
 from helisim.records.record import ATTITUDES, POSITIONS, FlightRecord
+from helisim.records.record import LOAD as LOAD_CHANNELS
 from helisim.show.plots import families
 from helisim.show.viewer import SLOWED, drawn_tilt
 from helisim.sim.ground import Ground
+from helisim.vehicle.trim import HOOK, LOAD, own_centre, own_parts
 
 Array = NDArray[np.float64]
 Archetypes = Mapping[str, rr.AsComponents]
@@ -87,30 +90,49 @@ def write_recording(
 
 
 def model_shapes(model: mujoco.MjModel) -> Parts:
-    """Return the visual geoms of a vehicle's body and rotors, from the centre of gravity."""
+    """Return the visual geoms of a vehicle's body, rotors and load, from the centre of gravity.
+
+    The load's place is its hook, and from its own centre it is turned as below the hook.
+    """
     rotor, tail = (model.body(name).id for name in ("rotor", "tail_rotor"))
     root = int(model.body_rootid[rotor])
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
     to_body = np.diag(flip(1.0, 1.0, 1.0)) @ data.xmat[root].reshape(3, 3).T
-    centre = data.subtree_com[root]
+    centre, steady = own_centre(model, data), own_parts(model)[model.geom_bodyid]
     hub, tail_hub = (
         to_body @ (place - centre) for place in (data.xpos[rotor], data.site("tail_hub").xpos)
     )
     own = (model.body_rootid[model.geom_bodyid] == root) & (model.geom_group < _VISUAL_GROUPS)
 
-    def draw(which: NDArray[np.bool], origin: Array) -> tuple[Archetypes, Array]:
-        ids = np.flatnonzero(which & own)
-        places = (data.geom_xpos[ids] - centre) @ to_body.T - origin
-        turns = to_body @ data.geom_xmat[ids].reshape(-1, 3, 3)
+    def draw(
+        which: NDArray[np.bool], origin: Array, turned: Rotation | None = None
+    ) -> tuple[Archetypes, Array]:
+        ids, upright = np.flatnonzero(which & own), (turned or Rotation.identity()).as_matrix()
+        places = ((data.geom_xpos[ids] - centre) @ to_body.T - origin) @ upright.T
+        turns = upright @ to_body @ data.geom_xmat[ids].reshape(-1, 3, 3)
         return _archetypes(model, ids, places, turns), origin
 
-    return {
-        "body": draw(~np.isin(model.geom_bodyid, (rotor, tail)), np.zeros(3)),
+    parts = {
+        "body": draw(steady & ~np.isin(model.geom_bodyid, (rotor, tail)), np.zeros(3)),
         "rotor": draw(model.geom_bodyid == rotor, hub),
         "tail_rotor": draw(model.geom_bodyid == tail, tail_hub),
     }
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, LOAD) >= 0:
+        places = (data.site(HOOK).xpos, data.body(LOAD).xipos)
+        hook, load = (to_body @ (place - centre) for place in places)
+        upright = _turn_down((load - hook)[None]).inv()[0]
+        parts["load"] = draw(~steady, load, upright)[0], hook
+    return parts
+
+
+def _turn_down(directions: Array) -> Rotation:
+    """Return the shortest turns of what points down to the directions, (n, 3), FRD."""
+    x, y, z = directions.T
+    across = np.maximum(np.hypot(x, y), 1e-12)
+    return Rotation.from_rotvec(
+        np.array([-y, x, 0.0 * z]).T * (np.arctan2(across, z) / across)[:, None]
+    )
 
 
 def _archetypes(
@@ -223,6 +245,11 @@ def _log_space(
     for name, turn in (("rotor", rotor), ("tail_rotor", tail_rotor)):
         shapes, place = parts[name]
         _log_part(recording, f"{entity}/{name}", shapes, record, place, turn)
+    if "load" in parts and LOAD_CHANNELS[0] in record:
+        (shapes, hook), cable = parts["load"], record.select(LOAD_CHANNELS)
+        _log_part(recording, f"{entity}/load", shapes, record, hook + cable, _turn_down(cable))
+        columns = rr.LineStrips3D.columns(strips=[[hook, hook + one] for one in cable])
+        recording.send_columns(f"{entity}/cable", indexes=_times(record.time), columns=columns)
     # the camera follows an entity only if it has a shape of its own
     recording.log(entity, rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.001]), static=True)
 

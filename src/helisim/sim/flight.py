@@ -238,7 +238,7 @@ def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
     model = copy.copy(vehicle.model)
     model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
-    powered = Vehicle(vehicle.folder, vehicle.parameters, model, trim, vehicle.controller)
+    powered = replace(vehicle, model=model, trim=trim)
     return replace(powered, controller=vehicle.controller.on(powered))
 
 

@@ -18,7 +18,7 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.trim import addresses, own_parts, place
 
 _HEAVIER = 1e6  # mass of a deck over that of who lands on it: what the landing does to its motion
 _SETTLING = 2.0  # s, in which a vehicle comes to rest on its landing gear
@@ -190,16 +190,18 @@ class Ground:
         """Return a vehicle that feels the ground's effect, its trim as it was."""
         model = copy.copy(vehicle.model)
         model.actuator_user[addresses(model).rotor, PARAM.ground_effect] = self.effect
-        return Vehicle(vehicle.folder, vehicle.parameters, model, vehicle.trim, vehicle.controller)
+        return replace(vehicle, model=model)
 
     def begin(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set a deck and a parked vehicle in motion. Raises InputError: no motor for the rotor."""
+        """Set a deck and a parked vehicle in motion. Raises InputError: no motor, a slung load."""
         par = model.actuator_user[addresses(model).rotor]
         if self.rotor < 1.0 and not par[PARAM.drive_governor]:
             raise InputError(
                 f"a rotor at {self.rotor:g} of its speed needs a motor that spins it up: "
                 "drive.governor = motor, not ideal"
             )
+        if self.parked and vehicle.slung:
+            raise InputError("a vehicle with a slung load starts in the air: parked=False")
         standing = self._standing(vehicle, model) if self.parked else None
         for name, swing in self.deck.swings.items() if self.deck is not None else ():
             joint = data.joint(f"deck_{name}")
@@ -308,7 +310,8 @@ def outline(vehicle: Vehicle) -> Outline:
         return np.array(flip(*(where - imu)))
 
     points, radii = [], []
-    for geom in np.flatnonzero(model.geom_conaffinity | model.geom_contype):
+    touch = (model.geom_conaffinity | model.geom_contype) != 0
+    for geom in np.flatnonzero(touch & own_parts(model)[model.geom_bodyid]):
         centre = data.geom_xpos[geom]
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
             half = data.geom_xmat[geom].reshape(3, 3)[:, 2] * model.geom_size[geom, 1]

@@ -52,14 +52,19 @@ from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import collective_stick
+from helisim.vehicle.trim import collective_stick, own_parts, root_body
 
 _AIR = 0.9  # m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m
 
 
 def hover_height(model: mujoco.MjModel) -> float:
-    """Return how high a helicopter hovers to be seen, m; half its extent hangs below."""
-    return _AIR + 0.5 * model.stat.extent
+    """Return how high a helicopter hovers to be seen, m; half its extent is below, or its load."""
+    below, root = 0.5 * model.stat.extent, root_body(model)
+    if (hung := ~own_parts(model)).any():
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        below += float(data.xpos[root, 2] - data.xipos[hung, 2].min())
+    return _AIR + below
 
 
 @dataclass(frozen=True, kw_only=True)

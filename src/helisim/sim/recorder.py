@@ -28,6 +28,7 @@ from helisim.records.record import (
     IN1_GYRO,
     IN1_SUM,
     IN2,
+    LOAD,
     POSITIONS,
     RATE_DISTURBANCE,
     RATE_SUM,
@@ -43,6 +44,7 @@ from helisim.records.record import (
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
 from helisim.vehicle.swashplate import Swashplate
+from helisim.vehicle.trim import LOAD as SLUNG_LOAD
 from helisim.vehicle.trim import addresses
 
 _INJECTED = {
@@ -91,7 +93,8 @@ class Trajectory:
     shaft, lost to the air; air: velocity and rotation of the air itself, body axes; contact: force
     of all that is touched, NED; rates p, q, r; attitudes phi, theta, psi (unwrapped); velocities u,
     v, w and specific forces, body axes, and positions, NED, all of the IMU; gyro_rates as sensed,
-    at ticks and late; rotor_speed where a motor turns the rotor, None under an ideal governor.
+    at ticks and late; rotor_speed where a motor turns the rotor, None under an ideal governor; load
+    from its hook, body axes, None without one.
     `time` is (n_time,) s, `timestep` the simulation's, s, `imu_offset` (3,) from the centre of
     gravity, FRD. `added` by a manoeuvre is by place but the sticks: (n_time, 4) servo by servo, or
     "sensors", (n_time, 6) rates and attitude. `hold`, s, is how long sticks and servo commands are
@@ -117,6 +120,7 @@ class Trajectory:
     swashplate: Swashplate
     gyro_rates: NDArray[np.float64]
     rotor_speed: NDArray[np.float64] | None = None
+    load: NDArray[np.float64] | None = None
     added: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     hold: float = 0.0
     ground: Ground | None = None
@@ -180,10 +184,12 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
     attitudes[:, 2] = np.unwrap(attitudes[:, 2])
     rates, velocities = flipped("imu_gyro"), flipped("imu_velocity")
     forces, positions = flipped("imu_accelerometer"), flipped("imu_position")
+    load = flipped(SLUNG_LOAD) if vehicle.slung else None
     if model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
         turning = 0.5 * model.opt.timestep * rates  # rad, of the attitude since the velocity
         velocities = velocities + np.cross(turning, velocities)
         attitudes, forces, positions = map(_halfway, (attitudes, forces, positions))
+        load = None if load is None else _halfway(load)
     par = model.actuator_user[addresses(model).rotor]
     ratio = seen("rotor")[:, SENSOR.speed - SENSOR.thrust :]
     return Trajectory(
@@ -206,6 +212,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         swashplate=vehicle.swashplate,
         gyro_rates=flipped("gyro_rate"),
         rotor_speed=par[PARAM.main_speed] * ratio if par[PARAM.drive_governor] != 0.0 else None,
+        load=load,
         hold=vehicle.parameters["gyro.period"],
     )
 
@@ -326,6 +333,8 @@ class Recorder:
         columns = sampling.inputs() | sampling.motion()
         if flight.rotor_speed is not None:
             columns |= sampling.recorded(ROTOR_SPEED, flight.rotor_speed)
+        if flight.load is not None:
+            columns |= sampling.recorded(LOAD, flight.load)
         for names, source in _TRUE.items() if self.rotor else ():
             if names != CONTACT or flight.ground is not None:
                 columns |= sampling.recorded(names, source(flight))

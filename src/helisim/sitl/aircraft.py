@@ -52,9 +52,9 @@ def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle
     model.opt.timestep = timestep
     kind = MOTOR if governor == "motor" else IDEAL
     model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = kind
-    model = with_room(model, vehicle.folder, parameters, law_room(model))
+    model = with_room(model, vehicle.folder, parameters, law_room(model), slung=vehicle.slung)
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
-    return Vehicle(vehicle.folder, parameters, model, trim, vehicle.controller)
+    return replace(vehicle, parameters=parameters, model=model, trim=trim)
 
 
 class Aircraft:

@@ -168,7 +168,7 @@ def flown_vehicle(said: Mapping[str, Any]) -> Vehicle | None:
         return None
     standard = standard_parameters(name)
     changed = {key: own[key] for key in standard if key in own and own[key] != standard[key]}
-    return load(name, parameters=changed, timestep=said.get("timestep_s"))
+    return load(name, parameters=changed, timestep=said.get("timestep_s"), slung=said.get("slung"))
 
 
 def _chosen(axes: tuple[str, ...], flights: Flights) -> tuple[_Model, ...]:

@@ -43,7 +43,7 @@ from helisim.vehicle.parameters import (
     scene_file,
 )
 from helisim.vehicle.swashplate import PLATE, Swashplate, TipPathPlane, with_both
-from helisim.vehicle.trim import addresses, root_body
+from helisim.vehicle.trim import HOOK, LOAD, SLUNG, addresses, root_body
 
 _MOTOR = ("inertia", "gear", "lag", "k_i", "spool_up", "bail_out")
 _ENGINE = {  # [drive] > 0 with a motor, and with which engine
@@ -233,12 +233,13 @@ def assemble(
     rig: str | None = None,
     around: Around | None = None,
     states: int = 0,
+    slung: str = "",
 ) -> mujoco.MjModel:
     """Compile a vehicle's MJCF with its parameters; to fly, its parts are fused into one body.
 
     timestep (s) and integrator: the MJCF's own if None; visual: keep every part, and the scene;
-    rig: one of `rig_names`, None to fly; states: of the control laws. Raises InputError,
-    UnknownNameError (vehicle, rig), or ModelError if the MJCF is refused.
+    rig: one of `rig_names`, None to fly; states: of the control laws; slung: MJCF of what hangs on
+    it. Raises InputError, UnknownNameError (vehicle, rig), or ModelError if the MJCF is refused.
     """
     if timestep is not None and not (is_number(timestep) and 0.0 < timestep < math.inf):
         raise InputError(f"timestep must be a positive number of seconds, got {timestep!r:.60}")
@@ -258,9 +259,11 @@ def assemble(
             spec.delete(seen)  # MuJoCo moves them along in each evaluation
         spec.compiler.discardvisual = not visual
         parts = put_into(spec, parameters, block, visual=visual)
+        if slung:
+            _sling(spec, parts, slung)
         if around is not None:
             around(spec, parts)
-        elif rig is None and not visual:  # alone in the air there is nothing to touch
+        elif rig is None and not visual and not slung:  # alone in the air nothing is touched
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         spec.compiler.fusestatic = not visual
         rotor = spec.actuator("rotor")
@@ -297,12 +300,33 @@ def put_into(
     return parts
 
 
+def _sling(spec: mujoco.MjSpec, parts: mujoco.MjModel, slung: str) -> None:
+    """Hang an MJCF's world on a vehicle's body, and sense where its load is."""
+    frame = spec.body(parts.body(root_body(parts)).name).add_frame()
+    try:
+        hung = mujoco.MjSpec.from_string(slung)
+        for k, body in enumerate(hung.bodies):
+            body.name = body.name or f"body_{k}"  # by their names they are told from the vehicle
+        spec.attach(hung, prefix=SLUNG, frame=frame)
+    except ValueError as error:
+        raise ModelError(f"the slung load's MJCF: {error}") from None
+    for kind, named, name in (("body", spec.body, LOAD), ("site", spec.site, HOOK)):
+        if named(name) is None:
+            raise ModelError(f"a slung load needs a {kind} {name.removeprefix(SLUNG)!r}: name it")
+    for key in list(spec.keys):  # of the vehicle alone
+        spec.delete(key)
+    sensor = spec.add_sensor(name=LOAD, type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objname=LOAD)
+    sensor.objtype, sensor.reftype = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
+    sensor.refname = HOOK
+
+
 def with_room(
     model: mujoco.MjModel,
     folder: Path,
     parameters: Parameters,
     states: int,
     around: Around | None = None,
+    slung: str = "",
 ) -> mujoco.MjModel:
     """Return a vehicle's model with room for so many states of control laws, and with `around`."""
     larger = assemble(
@@ -312,6 +336,7 @@ def with_room(
         integrator="RK4" if model.opt.integrator == _INTEGRATORS["RK4"] else "Euler",
         around=around,
         states=states,
+        slung=slung,
     )
     there, here = addresses(larger).rotor, addresses(model).rotor
     larger.actuator_user[there] = model.actuator_user[here]

@@ -16,11 +16,13 @@ from helisim.physics.native import installed
 from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import (
+    SLUNG,
     Motion,
     Trim,
     addresses,
     motion_rates,
     place,
+    slung_dofs,
     specific_force,
     write_motion,
 )
@@ -66,12 +68,13 @@ class Linearization(LinearSystem, Displayed):
         }
 
     def rigid_body(self) -> "Linearization":
-        """Return the model whose states are u, v, w, p, q, r, phi and theta alone.
+        """Return the model of u, v, w, p, q, r, phi, theta and a slung load's states alone.
 
         Servos, disc and inflow follow at once in it, so it holds well below their frequencies.
         Raises InputError if the model is sampled or lacks one of the states.
         """
-        return self.residualised(RIGID_BODY, without=PLACE)
+        slung = (name for name in self.states if name.startswith(SLUNG))
+        return self.residualised((*RIGID_BODY, *slung), without=PLACE)
 
 
 def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
@@ -117,6 +120,13 @@ def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
     return plain
 
 
+def _dof_name(model: mujoco.MjModel, dof: int) -> str:
+    joint = model.joint(model.dof_jntid[dof])
+    many = joint.type[0] == mujoco.mjtJoint.mjJNT_BALL
+    name = joint.name or f"{SLUNG}joint_{joint.id}"
+    return f"{name}_{'xyz'[dof - joint.dofadr[0]]}" if many else name
+
+
 class _Dynamics:
     def __init__(self, model: mujoco.MjModel, trim: Trim) -> None:
         self.model = copy.copy(model)
@@ -127,20 +137,26 @@ class _Dynamics:
         self.plate = Swashplate.in_block(par)
         off = [n for law, names in _OPTIONAL.items() if not par[getattr(PARAM, law)] for n in names]
         driven = [name for name in StateIndex._fields[: STATE.air_u] if name not in off]
-        self.states = (*MOTION, *driven)
+        self.slung = slung_dofs(self.model)
+        hung = [_dof_name(self.model, dof) for dof in self.slung]
+        self.states = (*MOTION, *driven, *hung, *(f"{name}_rate" for name in hung))
         self.driven = np.array([self.where.state + getattr(STATE, name) for name in driven])
         self.size = len(self.states) + len(IN1)
         self.data = mujoco.MjData(self.model)
         place(self.model, self.data, trim)
         self.act, self.ctrl = self.data.act.copy(), self.data.ctrl.copy()
-        self.motion = np.array(astuple(trim.motion))
+        self.motion, self.rest = np.array(astuple(trim.motion)), self.data.qpos.copy()
 
     def __call__(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
         n_motion, n = len(MOTION), len(self.states)
         motion = Motion(*(self.motion + deviation[:n_motion]))
+        driven, hung = np.split(deviation[n_motion:n], [len(self.driven)])
+        self.data.qpos[:], step = self.rest, np.zeros(self.model.nv)
+        step[self.slung], self.data.qvel[self.slung] = np.split(hung, 2)
+        mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
         write_motion(self.model, self.data, motion)
         self.data.act[:] = self.act
-        self.data.act[self.driven] += deviation[n_motion:n]
+        self.data.act[self.driven] += driven
         *axes, ped = deviation[n:]
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR + 1]
         control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
@@ -152,7 +168,8 @@ class _Dynamics:
         *swashplate, tail, _ = control[CONTROL.servo_front :]
         asked = [*self.plate.unmix(*swashplate), tail]
         rates = motion_rates(self.data, motion), self.data.act_dot[self.driven]
-        return np.concatenate([*rates, seen, felt, asked])
+        swing = self.data.qvel[self.slung], self.data.qacc[self.slung]
+        return np.concatenate([*rates, *swing, seen, felt, asked])
 
 
 def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[str, float]:

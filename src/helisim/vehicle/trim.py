@@ -79,6 +79,31 @@ def root_body(model: mujoco.MjModel) -> int:
     return body
 
 
+SLUNG = "slung/"  # before each name of what hangs on a vehicle
+LOAD, HOOK = f"{SLUNG}load", f"{SLUNG}hook"
+
+
+def own_parts(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return which bodies, (n_body,), don't swing below a vehicle as a slung load does."""
+    own = np.array([not model.body(k).name.startswith(SLUNG) for k in range(model.nbody)])
+    return own | (model.body_weldid == root_body(model))
+
+
+def own_centre(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    """Return the vehicle's own centre of gravity in the world, (3,) m, after mj_kinematics."""
+    root, own = root_body(model), own_parts(model)
+    if own.all():
+        mujoco.mj_comPos(model, data)
+        return data.subtree_com[root].copy()
+    mass = model.body_mass * (own & (model.body_rootid == root))
+    return mass @ data.xipos / mass.sum()
+
+
+def slung_dofs(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the degrees of freedom, (n_slung,), of what hangs on a vehicle."""
+    return np.flatnonzero(~own_parts(model)[model.dof_bodyid])
+
+
 def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]:
     """Return the (3, 3) rotation from body (FRD) to earth (NED) axes."""
     return Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()
@@ -126,6 +151,45 @@ def specific_force(
     """Return ax, ay, az (m/s^2) at the centre of gravity, (3,), after mj_forward."""
     earth = rotation_matrix(motion.phi, motion.theta, motion.psi)
     return earth.T @ flip(*(data.qacc[:3] - model.opt.gravity))
+
+
+_TURNS = 20  # Newton steps, at most, to where a load hangs at rest
+_TURN, _AT_REST = 1e-5, 1e-11  # rad or m: of a difference, and of a last step
+_LEFT = 1e-6  # of the greatest weight: a force that is left
+_NEUTRAL = 1e-8  # least stiffness over the greatest: below, as about a cable, any place is at rest
+
+
+def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let what hangs on a vehicle hang still, at the vehicle's place and attitude; or TrimError.
+
+    Forces of springs and gravity count, those of constraints don't.
+    """
+    if not (dofs := slung_dofs(model)).size:
+        return
+    trial = mujoco.MjData(model)
+
+    def forces(by: NDArray[np.floating]) -> NDArray[np.float64]:
+        trial.qpos[:], moved = data.qpos, np.zeros(model.nv)
+        moved[dofs] = by
+        mujoco.mj_integratePos(model, trial.qpos, moved, 1.0)
+        mujoco.mj_fwdPosition(model, trial)
+        mujoco.mj_fwdVelocity(model, trial)
+        return (trial.qfrc_passive - trial.qfrc_bias)[dofs]
+
+    ways = _TURN * np.eye(dofs.size)
+    for _ in range(_TURNS):
+        slopes = np.column_stack([forces(way) - forces(-way) for way in ways]) / (2.0 * _TURN)
+        left = forces(0.0 * dofs)
+        step = np.linalg.lstsq(slopes, -left, rcond=_NEUTRAL)[0]
+        forces(step)
+        data.qpos[:] = trial.qpos
+        balanced = np.abs(left).max() < _LEFT * np.abs(trial.qfrc_bias).max()
+        if balanced and np.abs(step).max() < _AT_REST:
+            return
+    raise TrimError(
+        "the slung load finds no place where it hangs still; draw it as it hangs, its cable taut, "
+        "and carry it by joints or by tendons with a stiffness"
+    )
 
 
 _RESIDUAL = 1e-9  # greatest acceleration left, m/s^2 and rad/s^2
@@ -254,6 +318,7 @@ def place(
     where = addresses(model)
     par, act = model.actuator_user[where.rotor], data.act[where.state :]
     write_motion(model, data, trim.motion if height is None else replace(trim.motion, down=-height))
+    hang(model, data)
     swash = Swashplate.in_block(par).mix(trim.col, trim.lon, trim.lat)
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b

@@ -15,6 +15,7 @@ import numpy as np
 
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError, ModelError, check_known
+from helisim.base.files import read_bytes
 from helisim.base.linear import LinearSystem
 from helisim.base.note import Command, Option
 from helisim.base.settings import Value, is_number
@@ -46,7 +47,7 @@ from helisim.vehicle.parameters import (
 )
 from helisim.vehicle.sampled import close
 from helisim.vehicle.swashplate import INSTEAD, Swashplate, changed, with_both
-from helisim.vehicle.trim import HEIGHT, Trim, addresses, find_trim, place, root_body
+from helisim.vehicle.trim import HEIGHT, Trim, addresses, find_trim, own_centre, place, root_body
 
 if TYPE_CHECKING:
     import control
@@ -61,7 +62,7 @@ _SETTABLE = ("gyro", "pilot", "gyro_tuned", "recorder_latency")
 class Vehicle(Value, Displayed):
     """A helicopter with parameters in place, trimmed in a hover when loaded; `folder` is absolute.
 
-    model: gyro on, pilot off; copy it before changing it.
+    model: gyro on, pilot off; copy it before changing it. slung: MJCF of what hangs on it, or "".
     """
 
     folder: Path
@@ -69,10 +70,12 @@ class Vehicle(Value, Displayed):
     model: mujoco.MjModel
     trim: Trim
     controller: Controller = GYRO
+    slung: str = ""
 
     def __reduce__(self) -> tuple[Any, ...]:
         where = self.name if is_shipped(self.folder) else self.folder
-        return _passed, (where, self.parameters, self.model, self.trim, self.controller)
+        own = self.parameters, self.model, self.trim, self.controller, self.slung
+        return _passed, (where, *own)
 
     @property
     def name(self) -> str:
@@ -81,6 +84,7 @@ class Vehicle(Value, Displayed):
 
     def __repr__(self) -> str:
         flight = f"at {self.trim.speed:g} m/s" if self.trim.speed else "in the hover"
+        flight = f"with its load, {flight}" if self.slung else flight
         mass, count = self.model.body_mass.sum(), len(self.parameters)
         return f"Vehicle({self.name!r}, {mass:.4g} kg, {flight}, {count} parameters)"
 
@@ -118,9 +122,8 @@ class Vehicle(Value, Displayed):
         """The IMU's place from the centre of gravity, m, body axes (FRD)."""
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
         body = root_body(self.model)
-        arm = data.site("imu").xpos - data.subtree_com[body]
+        arm = data.site("imu").xpos - own_centre(self.model, data)
         x, y, z = flip(*(data.xmat[body].reshape(3, 3).T @ arm))
         return float(x), float(y), float(z)
 
@@ -175,6 +178,7 @@ class Vehicle(Value, Displayed):
     def provenance(self) -> dict[str, Any]:
         """The vehicle as plain data: enough to load it again, and to see whether it changed."""
         own = {} if self.controller.is_shipped else {"controller": self.controller.to_dict()}
+        own |= {"slung": self.slung} if self.slung else {}
         return {
             "vehicle": self.name,
             "model_digest": self.digest,
@@ -236,7 +240,7 @@ class Vehicle(Value, Displayed):
         return changed
 
     def _changed(self, model: mujoco.MjModel, parameters: Parameters, trim: Trim) -> "Vehicle":
-        changed = Vehicle(self.folder, parameters, model, trim, self.controller)
+        changed = replace(self, parameters=parameters, model=model, trim=trim)
         if not self.controller.is_shipped:
             controller = self.controller.on(changed)
             controller.put_into(model)
@@ -253,9 +257,9 @@ class Vehicle(Value, Displayed):
         chosen = as_controller(controller, self)
         model, states = copy.copy(self.model), sum(chosen.state_counts)
         if states > law_room(model):
-            model = with_room(model, self.folder, self.parameters, states)
+            model = with_room(model, self.folder, self.parameters, states, slung=self.slung)
         chosen.put_into(model)
-        changed = Vehicle(self.folder, self.parameters, model, self.trim, chosen)
+        changed = replace(self, model=model, controller=chosen)
         changed.__dict__["_base"] = self._base
         return changed
 
@@ -265,14 +269,19 @@ class Vehicle(Value, Displayed):
 
     def grounded_model(self, around: Around) -> mujoco.MjModel:
         """Return its model with something around it that it can touch, such as the ground."""
-        return with_room(
-            self.model, self.folder, self.parameters, law_room(self.model), around=around
-        )
+        room, own = law_room(self.model), self.parameters
+        return with_room(self.model, self.folder, own, room, around=around, slung=self.slung)
 
     def visual_model(self, around: Around | None = None) -> mujoco.MjModel:
         """Return the vehicle's model with all its parts and its scene."""
-        states = sum(self.controller.state_counts)
-        model = assemble(self.folder, self.parameters, visual=True, around=around, states=states)
+        model = assemble(
+            self.folder,
+            self.parameters,
+            visual=True,
+            around=around,
+            states=sum(self.controller.state_counts),
+            slung=self.slung,
+        )
         if not self.controller.is_shipped:
             self.controller.put_into(model)
         return model
@@ -301,11 +310,12 @@ def _passed(
     model: mujoco.MjModel,
     trim: Trim,
     controller: Controller,
+    slung: str,
 ) -> Vehicle:
     folder = model_folder(where) if isinstance(where, str) else where
     if not controller.is_shipped:  # the laws of that process are not those of this one
         controller.put_into(model)
-    return Vehicle(folder, parameters, model, trim, controller)
+    return Vehicle(folder, parameters, model, trim, controller, slung)
 
 
 def load(
@@ -315,18 +325,23 @@ def load(
     timestep: float | None = None,
     tuned: bool = True,
     integrator: Integrator | None = None,
+    slung: str | PathLike[str] | None = None,
 ) -> Vehicle:
     """Load a vehicle, calibrated and trimmed.
 
     vehicle: a shipped one's name, or a folder; parameters: replacements, such as {"drive.governor":
     "ideal"}; timestep: s, the MJCF's own if None; tuned: False accepts an untuned gyro; integrator:
-    "RK4" (MJCF's own) or "Euler", staggered: at 2 ms within a few parts in a thousand. Raises
-    UnknownNameError, InputError, ModelError (can't be built), TrimError (can't hover).
+    "RK4" (MJCF's own) or "Euler", staggered: at 2 ms within a few parts in a thousand; slung: MJCF
+    of a load that hangs on it, a file or its text. Raises UnknownNameError, InputError, ModelError
+    (can't be built), StorageError (can't be read), TrimError (can't hover).
     """
     folder = model_folder(vehicle)
     values = changed(standard_parameters(folder, tuned=tuned), parameters or {})
-    model = assemble(folder, values, timestep=timestep, integrator=integrator)
-    return Vehicle(folder, values, model, find_trim(model))
+    hung = str(slung or "")
+    if hung and not hung.lstrip().startswith("<"):
+        hung = read_bytes(Path(hung), limit=1 << 20).decode(errors="replace")
+    model = assemble(folder, values, timestep=timestep, integrator=integrator, slung=hung)
+    return Vehicle(folder, values, model, find_trim(model), slung=hung)
 
 
 def standard_parameters(
