@@ -14,69 +14,63 @@ compressibility, and as they were without (one drag coefficient at any lift, Mac
 - Prouty, Helicopter Performance, Stability and Control: table 3.3 at 115.5 kn and figure 1.45,
   NACA 0012; a calculation.
 
+The measured numbers are in rotor_tests.toml.
+
     python scripts/proof/rotor_tests.py
 """
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, root
 
+from helisim.base.files import read_toml
 from helisim.physics.flapping import coning, flap_back
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import drag_rise, main_rotor, normal
 
+TABLES = read_toml(Path(__file__).with_suffix(".toml"))["table"]
 DENSITY, SPEED = 1.225, 100.0  # of no matter: all is over them, and the radius is 1 m
-MODEL, FULL = 1.25 / 5.75**2, 0.4 / 5.73**2
-"""Rise of c_d by c_l^2: Knight and Hefner's, Bailey's."""
+RISE = {"model": 1.25 / 5.75**2, "full": 0.4 / 5.73**2}
+"""Of c_d by c_l^2: Knight and Hefner's, Bailey's."""
 
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rotor's numbers as the glossary has them; mach: of the tips."""
+    """A rotor's numbers by their names in `PARAM`, behind main_."""
 
     solidity: float
-    slope: float
-    drag: float
+    lift_slope: float
+    profile_drag: float
     lift_drag: float
     induced_factor: float = 1.15
     twist: float = 0.0
     mach: float = 0.0
-    fall: float = 1.8
-    mean_drag: float | None = None
+    stall_fall: float = 1.8
+    divergence: float = 0.725
+    stall: float = 0.18
+    direction: float = 1.0
+    radius: float = 1.0
+    speed: float = SPEED
+    pitch_range: float = 1.0
 
-    def before(self) -> "Rotor":
+    def before(self, mean_drag: float | None = None) -> "Rotor":
         """Return it with one drag coefficient, one stall limit and incompressible air."""
-        drag = self.drag if self.mean_drag is None else self.mean_drag
-        return Rotor(self.solidity, self.slope, drag, 0.0, self.induced_factor, self.twist, fall=0)
+        drag = mean_drag or self.profile_drag
+        return replace(self, profile_drag=drag, lift_drag=0.0, mach=0.0, stall_fall=0.0)
 
     def at(self, pitch: float, ahead: float = 0.0, down: float = 0.0, back: float = 0.0) -> Any:
         """Return `MainRotor`, CT, CQ and force, (3,), over rho A (Omega R)^2; back: tilt, rad."""
         par = np.zeros(len(PARAM))
-        numbers = {
-            "air_density": DENSITY,
-            "main_direction": 1.0,
-            "main_radius": 1.0,
-            "main_speed": SPEED,
-            "main_solidity": self.solidity,
-            "main_lift_slope": self.slope,
-            "main_induced_factor": self.induced_factor,
-            "main_profile_drag": self.drag,
-            "main_lift_drag": self.lift_drag,
-            "main_divergence": 0.725,
-            "main_mach": self.mach,
-            "main_stall": 0.18,
-            "main_stall_fall": self.fall,
-            "main_twist": self.twist,
-            "main_pitch_range": 1.0,
-            "flap_stop": 10.0,
-        }
-        for name, value in numbers.items():
-            par[getattr(PARAM, name)] = value
+        par[[PARAM.air_density, PARAM.flap_stop]] = DENSITY, 10.0
+        for name, value in asdict(self).items():
+            par[getattr(PARAM, f"main_{name}")] = value
         motion = Velocities(ahead * SPEED, 0.0, down * SPEED, 0.0, 0.0, 0.0)
         tips = (back, 0.0)
         main = main_rotor(par, motion, 1.0, pitch, tips, (0.0, 0.0))
@@ -98,8 +92,7 @@ class Rotor:
         return found, back
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A figure of a source, the model's with all on, and before."""
 
     source: str
@@ -117,34 +110,6 @@ class Row:
         return self.before / self.printed - 1.0
 
 
-def of_both(
-    source: str, what: str, printed: float, rotor: Rotor, figure: Callable[..., float], *given: Any
-) -> Row:
-    found, before = (figure(one, *given) for one in (rotor, rotor.before()))
-    return Row(source, what, printed, found, before)
-
-
-HOVER = {  # blades -> solidity; degrees -> CT and CQ
-    2: (0.04244, {4: (1.24e-3, 9.55e-5), 8: (3.25e-3, 2.47e-4), 12: (4.95e-3, 4.39e-4)}),
-    3: (0.06366, {4: (1.49e-3, 1.50e-4), 8: (4.165e-3, 3.675e-4), 12: (6.85e-3, 6.785e-4)}),
-    4: (0.08488, {4: (1.69e-3, 2.05e-4), 8: (4.905e-3, 4.60e-4), 12: (8.725e-3, 9.55e-4)}),
-}
-
-
-def thrust_at(rotor: Rotor, pitch: float) -> float:
-    return rotor.at(pitch)[1]
-
-
-def knight_hefner() -> Iterator[Row]:
-    source = "Knight and Hefner"
-    for blades, (solidity, measured) in HOVER.items():
-        rotor = Rotor(solidity, 5.75, 0.0113, MODEL)
-        for degrees, (thrust, torque) in measured.items():
-            name, pitch = f"{blades} blades, {degrees} deg", math.radians(degrees)
-            yield of_both(source, f"{name}: CT", thrust, rotor, thrust_at, pitch)
-            yield of_both(source, f"{name}: CQ at CT", torque, rotor, Rotor.torque, thrust)
-
-
 STILL = 0.05 * 0.0106 / 8.0  # CQ at no thrust of Castles and Gray's rotor
 
 
@@ -153,30 +118,7 @@ def autorotation(rotor: Rotor, thrust: float) -> float:
     return brentq(lambda down: rotor.torque(thrust, down) - STILL, 1.6 * hover, 2.5 * hover)
 
 
-def castles_gray() -> Iterator[Row]:
-    rotor, source = Rotor(0.05, 5.75, 0.0106, MODEL), "Castles and Gray"
-    for thrust, torque in ((2.89e-3, 1.37e-4), (4.0e-3, 2.26e-4), (4.88e-3, 3.42e-4)):
-        what = f"hover, CT {thrust:.5f}: CQ"
-        yield of_both(source, what, torque + STILL, rotor, Rotor.torque, thrust)
-    for thrust, speed in ((2e-3, 0.055), (4e-3, 0.083), (5e-3, 0.096)):
-        what = f"CT {thrust:.3f}: descent in autorotation"
-        yield of_both(source, what, speed, rotor, autorotation, thrust)
-
-
-def merit(rotor: Rotor, thrust: float) -> float:
-    return thrust**1.5 / math.sqrt(2.0) / rotor.torque(thrust)
-
-
-def harrington() -> Iterator[Row]:
-    for name, rotor, measured in (
-        ("1", Rotor(0.027, 5.75, 0.0101, FULL), ((2.16e-3, 0.565), (2.97e-3, 0.615))),
-        ("2", Rotor(0.076, 5.75, 0.0110, FULL), ((4.2e-3, 0.535), (5.8e-3, 0.586))),
-    ):
-        for thrust, printed in measured:
-            what = f"rotor {name}, CT {thrust:.5f}: figure of merit"
-            yield of_both("Harrington", what, printed, rotor, merit, thrust)
-
-
+@cache
 def glide(rotor: Rotor, advance: float) -> tuple[float, float]:
     """Return CL and L/D of the PCA-2's rotor in autorotation."""
     pitch = math.radians(2.7)
@@ -187,19 +129,29 @@ def glide(rotor: Rotor, advance: float) -> tuple[float, float]:
     return 2.0 * lift / float(along @ along), lift / drag
 
 
-def pca2() -> Iterator[Row]:
-    rotor, source = Rotor(0.0976, 5.85, 0.0098, FULL, mean_drag=0.012), "Wheatley and Hood"
-    for advance, *printed in (
-        (0.145, 0.670, 3.18),
-        (0.202, 0.385, 5.04),
-        (0.270, 0.207, 6.68),
-        (0.350, 0.1148, 7.11),
-        (0.412, 0.0784, 7.06),
-        (0.480, 0.0549, 6.48),
-    ):
-        found, before = glide(rotor, advance), glide(rotor.before(), advance)
-        for k, name in enumerate(("CL", "L/D")):
-            yield Row(source, f"mu {advance:.3f}: {name}", printed[k], found[k], before[k])
+FIGURES = {
+    "CT": lambda rotor, degrees, *_: rotor.at(math.radians(degrees))[1],
+    "CQ at CT": lambda rotor, _, thrust, *__: rotor.torque(thrust),
+    "CQ": lambda rotor, thrust, _: rotor.torque(thrust),
+    "descent in autorotation": lambda rotor, thrust, _: autorotation(rotor, thrust),
+    "figure of merit": lambda r, thrust, _: thrust**1.5 / math.sqrt(2.0) / r.torque(thrust),
+    "CL": lambda rotor, advance, *_: glide(rotor, advance)[0],
+    "L/D": lambda rotor, advance, *_: glide(rotor, advance)[1],
+}
+"""Column of a table -> what the model says, by a rotor and a row's numbers."""
+
+
+def measured() -> Iterator[Row]:
+    for table in TABLES:
+        given = dict(table["rotor"])
+        mean_drag, rise = given.pop("mean_drag", None), RISE[given.pop("rise")]
+        rotor = Rotor(**given, lift_drag=rise)
+        for numbers in table["rows"]:
+            for name, printed in zip(table["columns"], numbers[1:]):
+                found = (FIGURES[name](one, *numbers) for one in (rotor, rotor.before(mean_drag)))
+                above = STILL if name == "CQ" else 0.0
+                what = table["what"].format(numbers[0]) + name
+                yield Row(table["source"], what, printed + above, *found)
 
 
 POUND, FOOT, HORSEPOWER = 4.4482216, 0.3048, 745.69987
@@ -229,10 +181,11 @@ def cruise(rotor: Rotor) -> dict[str, float]:
 def prouty() -> Iterator[Row]:
     # c_d of NACA 0012 at 0 and 6 degrees (his p. 433), kappa of blades with such a twist
     twist, mach = math.radians(-10.0), 650.0 / 1116.4
-    rotor = Rotor(0.084883, 6.0, 0.0081, 0.0058, 1.1, twist, mach, mean_drag=0.010)
-    hover = [POWER * one.torque(0.00719) for one in (rotor, rotor.before())]
+    rotor = Rotor(0.084883, 6.0, 0.0081, 0.0058, 1.1, twist, mach)
+    plain = rotor.before(0.010)
+    hover = [POWER * one.torque(0.00719) for one in (rotor, plain)]
     yield Row("Prouty", "hover, CT 0.00719: main rotor, hp", 1995.0, *hover)
-    found, before = cruise(rotor), cruise(rotor.before())
+    found, before = cruise(rotor), cruise(plain)
     for what, printed in zip(found, (1097.0, 15.8, 4.9, 4.3)):
         yield Row("Prouty", f"115.5 kn: {what}", printed, found[what], before[what])
     # figure 3.43 as he reads it (table 3.5, case 2): 750 ft/s, mu = 0.3, CT / sigma = 0.086
@@ -242,7 +195,7 @@ def prouty() -> Iterator[Row]:
 
 
 def rows() -> tuple[Row, ...]:
-    return (*knight_hefner(), *castles_gray(), *harrington(), *pca2(), *prouty())
+    return (*measured(), *prouty())
 
 
 def main() -> None:
