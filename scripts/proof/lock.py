@@ -31,8 +31,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 import helisim as hs
+from helisim.base.files import read_toml
 
 FILE = Path(__file__).with_suffix(".json")
+SETTINGS = read_toml(FILE.with_suffix(".toml"))
 _UNSTABLE = ("versions", "made_by", "traceback", "source")
 Case = Callable[[], Any]
 FAST = [False]
@@ -132,37 +134,6 @@ def damper(seen: Any, state: Any) -> Any:
     return seen.COL + lon, seen.COL + left, seen.COL + right, seen.PED - 0.2 * seen.r + state[0]
 
 
-_GAINS = ("stick", "frequency", "k_angle", "k_rate", "k_integral")
-HOLD: dict[str, Any] = {
-    "kind": "attitude_command",
-    "version": 1,
-    "phase": 0.365,
-    "lat": dict(zip(_GAINS, (0.6, 6.0, 0.6, 0.05, 0.3))),
-    "lon": dict(zip(_GAINS, (0.6, 6.0, 1.0, 0.1, 0.3))) | {"ff_rate": 0.1},
-    "ped": dict(zip(_GAINS, (3.0, 8.0, 1.0, 0.2, 0.5))),
-}
-HOLD["lat"]["filters"] = [{"kind": "lead", "zero": 12.0, "pole": 140.0}]
-
-
-def state_space() -> hs.StateSpaceLaw:
-    return hs.StateSpaceLaw(
-        period=0.002,
-        inputs=("p", "q", "r", "COL", "LON", "LAT", "PED"),
-        a=np.eye(1),
-        b=np.array([[0.0, 0.0, -0.0002, 0.0, 0.0, 0.0, 0.002]]),
-        c=np.array([[0.0], [0.0], [0.0], [8.0]]),
-        d=np.array(
-            [
-                [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-                [0.0, -0.05, 0.0, 0.0, 0.3, 0.0, 0.0],
-                [-0.05, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0],
-                [0.0, 0.0, -0.1, 0.0, 0.0, 0.0, 1.0],
-            ]
-        ),
-        start=np.array([[0.0, 0.0, 0.0, 0.125]]),
-    )
-
-
 def controllers() -> dict[str, Case]:
     def compiled(function: Any) -> Any:
         import numba
@@ -173,9 +144,9 @@ def controllers() -> dict[str, Case]:
         "python": lambda: hs.Controller(tail=yaw, states=1, settings=[0.5, 10.0, 0.002]),
         "compiled": lambda: hs.Controller(compiled(damper), name="damper"),
         "function": lambda: damper,
-        "attitude": lambda: hs.law_of(HOLD),
+        "attitude": lambda: hs.law_of(SETTINGS["law"]["attitude"]),
         "rate": lambda: hs.RateCommand.of(vehicle("jr700")),
-        "state_space": state_space,
+        "state_space": lambda: hs.law_of(SETTINGS["law"]["state_space"]),
         "none": lambda: None,
     }
 
@@ -229,32 +200,27 @@ _SENSED = ("gyro", "force", "position", "velocity", "quaternion")
 
 def records() -> dict[str, Case]:
     jr = partial(partial, flown, "jr700")
-    calm = hs.Pilot(remnant=0.0)
-    doublet = hs.Doublet(axis="lat", duration=4.0, trim_time=0.5)
+    tables = SETTINGS["plan"]
+    usual = tables["kind doublet"]
+    plans = {
+        name: hs.FlightPlan.from_dict(table if "mission" in table else {**usual, **table})
+        for name, table in tables.items()
+    }
+    doublet = plans["kind doublet"].excitation
     samples = np.array([[0.0, 0.0], [1.0, 0.02], [2.0, 0.0]])
-
-    def plan(**parts: Any) -> hs.FlightPlan:
-        return hs.FlightPlan(**{"excitation": doublet, **parts})
-
+    held = hs.History.of(samples[:, 0], samples[:, 1:], axis="lat", method="hold")
+    spin = hs.FlightPlan(
+        excitation=doublet,
+        ground=hs.Ground(parked=True, rotor=0.0),
+        weather=hs.Weather(height=2.0),
+    )
     cases: dict[str, Case] = {}
     for name in ("jr700", "lynx", "blade360"):
         for axis in ("col", "lon", "lat", "ped"):
             sweep = hs.Sweep(axis=axis, duration=5.0, trim_time=1.0)
             cases[f"{name} sweep {axis}"] = partial(flown, name, sweep)
-    short = {"axis": "ped", "duration": 3.0, "trim_time": 0.5}
-    kinds = {
-        "step": hs.Step(**short),
-        "doublet": doublet,
-        "pulse": hs.Pulse(**short, amplitude=0.02),
-        "3211": hs.ThreeTwoOneOne(**short | {"duration": 5.0}),
-        "chirp": hs.Chirp(**short, band=(2.0, 20.0), fade=0.4),
-        "multisine": hs.Multisine(period=4.0, duration=5.0, trim_time=0.5),
-        "sequence": hs.Sequence(parts=(doublet, hs.Pulse(**short)), pause=0.5),
-        "together": hs.Together(parts=(doublet, hs.Step(**short))),
-        "own": LockedBump(axis="lat"),
-        "history": hs.History.of(samples[:, 0], samples[:, 1:], axis="lat", method="hold"),
-    }
-    cases |= {f"kind {name}": jr(one) for name, one in kinds.items()}
+    cases |= {name: jr(one) for name, one in plans.items()}
+    cases |= {"kind history": jr(held), "ground spin up": jr(spin, options=("motor",))}
     places = {
         "servos": "ped", "actuators": "lat+lon", "sensors": "p+r", "sensors attitude": "phi",
     }  # fmt: skip
@@ -263,59 +229,13 @@ def records() -> dict[str, Case]:
             **{"axis": axis, "at": name.split()[0], "amplitude": 0.02, "band": (2.0, 30.0)},
             **{"period": 2.0, "duration": 3.0, "trim_time": 0.5},
         )
-        law = {"controller": hs.law_of(HOLD)} if "attitude" in name else {}
-        cases[f"at {name}"] = jr(plan(excitation=chirp, pilot=calm), **law)
-    faults = {
-        "stuck": hs.ServoStuck(servo="servo_tail", at=1.0),
-        "stuck at": hs.ServoStuck(servo="servo_front", at=1.0, position=0.1),
-        "loss": hs.SampleLoss(share=0.05, burst=2),
-        "gap": hs.RecordGap(at=1.0, lasts=0.3),
-    }
-    cases |= {f"fault {name}": jr(plan(faults=(one,))) for name, one in faults.items()}
-    gust = hs.Gust(north=-4.0, east=2.0, start=1.0, rise=0.3, hold=0.5)
-    air = {
-        "wind": hs.Weather(wind=5.0, wind_from=0.7),
-        "turbulence": hs.Weather(turbulence="moderate"),
-        "turbulence wind": hs.Weather(wind=3.0, turbulence=4.0, height=30.0),
-        "rms": hs.Weather(rms=(0.5, 0.4, 0.3), drift=5.0),
-        "gust": hs.Weather(gust=gust),
-    }
-    cases |= {f"weather {name}": jr(plan(weather=one)) for name, one in air.items()}
-    deck = hs.Deck(
-        **{"length": 8.0, "heave": hs.Swing(amplitude=0.3, period=6.0)},
-        **{"roll": hs.Swing(amplitude=0.05), "pitch": hs.Swing(amplitude=0.1, phase=1.0)},
-    )
-    low = hs.Weather(height=2.0)
-    grounds = {
-        "level": hs.Ground(),
-        "slope": hs.Ground(slope=0.1, uphill=1.57, parked=True),
-        "deck": hs.Ground(deck=deck),
-        "deck parked": hs.Ground(deck=deck, parked=True),
-    }
-    cases |= {f"ground {name}": jr(plan(ground=one, weather=low)) for name, one in grounds.items()}
-    spin = plan(ground=hs.Ground(parked=True, rotor=0.0), weather=low)
-    cases["ground spin up"] = jr(spin, options=("motor",))
-    where = {
-        "forward": hs.missions.Forward(duration=5.0, speed=4.0, cruise=0.5),
-        "take off": hs.missions.TakeOffHoverLand(duration=10.0, height=1.5, hover=0.5),
-        "autorotation": hs.missions.Autorotation(duration=14.0, height=60.0, speed=10.0),
-        "own": LockedSquare(side=2.0),
-    }
-    cases |= {f"mission {name}": jr(one) for name, one in where.items()}
-    both = hs.FlightPlan(mission=where["forward"], excitation=doublet)
-    cases["mission swept"] = jr(both)
+        law = {"controller": controllers()["attitude"]()} if "attitude" in name else {}
+        cases[f"at {name}"] = jr(dataclasses.replace(plans["calm"], excitation=chirp), **law)
     cases |= {
         f"law {name}": lambda made=made: flown("jr700", doublet, controller=made())
         for name, made in controllers().items()
     }
-    recorder = hs.Recorder(
-        **{"rate_hz": 50.0, "antialias_hz": 20.0, "rotor": True, "lever_arm_corrected": False},
-        **{"noise": {"p": 0.01}, "resolution": {"q": 0.001}},
-    )
     cases |= {
-        "recorder": jr(plan(recorder=recorder)),
-        "envelope": jr(plan(envelope=hs.FlightEnvelope(tilt=0.09))),
-        "calm": jr(plan(pilot=calm)),
         "motor": jr(doublet, options=("motor",)),
         "inflow": jr(doublet, options=("inflow",)),
         "blade360 motor inflow": partial(flown, "blade360", doublet, options=("motor", "inflow")),
