@@ -33,6 +33,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parent / "proof"))
+import flown_loops
+
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import load_fit
 from helisim.logs.dataflash import DataFlash
@@ -44,49 +47,31 @@ BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
 """Whose log -> largest median error, percent."""
 INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
 AXES = ("lat", "lon", "ped", "col")
+_OWN_HELICOPTER = Path(__file__).parent / "proof" / "ardupilots_helicopter.py"
 LOOPS = "loops"  # The flight of the JR700 whose sweeps go beyond its gain margins.
-_PROOF = Path(__file__).parent / "proof"
-_OWN_HELICOPTER = _PROOF / "ardupilots_helicopter.py"
-_FLOWN_LOOPS = _PROOF / "flown_loops.py"
-
-
-class Source(NamedTuple):
-    """Coefficients of ArduPilot's own helicopter; flapping's as its source names them.
-
-    Its cyclic is 1.283 (s1 - s2) and 1.48 ((s1 + s2) / 2 - s3) of the servos' ways s, from 0 to 1
-    over 1000 us, both over `less_cyclic`; its yaw command `yaw` (2 s4 - 1).
-    """
-
-    tau: float
-    Lb: float
-    Ma: float
-    Lfa: float
-    Mfb: float
-    Lflt: float
-    Lflg: float
-    Mflt: float
-    Mflg: float
-    less_cyclic: float
-    Nr: float
-    Nped: float
-    yaw: float
-    Zw: float
-    Zcol: float
 
 
 _RPM = 0.104667 / (2.0 * np.pi / 60.0)
 """Of the two numbers of rad/s in a turn a minute with which it scales thrust and hover."""
 SOURCES = {
     # thrust is weight at 5 degrees of collective, of which the servos' ways make 50
-    "heli": Source(
-        *(0.068232, 3588.6, 617.5, 1.2963, -1.3402, 1.7635, -0.61171, 0.52454, 1.9432, 7.2),
-        *(-2.96, 21.6 * 2.96, 1.0, -2.25, -50.0 * STANDARD_GRAVITY / 5.0 * _RPM**2),
-    ),
-    "heli-blade360": Source(
-        *(0.0353, 5115.2, 796.7, 1.0477, -1.0057, 0.2375, -0.0286, 0.0344, 0.2292, 1.0),
-        *(-2.0131, 63.004, 1.45, -0.591, -22.3239 * 3.51),
-    ),
+    "heli": {
+        **{"tau_f": 0.068232, "L_b": 3588.6, "M_a": 617.5, "A_b": -1.3402, "B_a": 1.2963},
+        **{"Lflt": 1.7635, "Lflg": -0.61171, "Mflt": 0.52454, "Mflg": 1.9432, "less_cyclic": 7.2},
+        **{"N_r": -2.96, "N_ped": 21.6 * 2.96, "yaw": 1.0},
+        **{"Z_w": -2.25, "Z_col": -50.0 * STANDARD_GRAVITY / 5.0 * _RPM**2},
+    },
+    "heli-blade360": {
+        **{"tau_f": 0.0353, "L_b": 5115.2, "M_a": 796.7, "A_b": -1.0057, "B_a": 1.0477},
+        **{"Lflt": 0.2375, "Lflg": -0.0286, "Mflt": 0.0344, "Mflg": 0.2292, "less_cyclic": 1.0},
+        **{"N_r": -2.0131, "N_ped": 63.004, "yaw": 1.45, "Z_w": -0.591, "Z_col": -22.3239 * 3.51},
+    },
 }
+"""Coefficients of ArduPilot's own helicopters; flapping's by cyclic as their source names them.
+
+Cyclic is 1.283 (s1 - s2) and 1.48 ((s1 + s2) / 2 - s3) of the servos' ways s, from 0 to 1 over
+1000 us, both over `less_cyclic`; the yaw command is `yaw` (2 s4 - 1).
+"""
 
 
 class Row(NamedTuple):
@@ -145,7 +130,9 @@ def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, floa
     return true
 
 
-def stated(source: Source, parameters: Mapping[str, float], hover: float) -> dict[str, float]:
+def stated(
+    source: Mapping[str, float], parameters: Mapping[str, float], hover: float
+) -> dict[str, float]:
     mixer = Mixer(parameters)
 
     def moved(axis: str) -> np.ndarray:
@@ -155,34 +142,26 @@ def stated(source: Source, parameters: Mapping[str, float], hover: float) -> dic
             pulses = mixer.exact({**at, axis: at.get(axis, 0.0) + step})
             s = [(pulses[channel] - 1000.0) / 1000.0 for channel in (1, 2, 3, 4)]
             roll, pitch = 1.283 * (s[0] - s[1]), 1.48 * ((s[0] + s[1]) / 2.0 - s[2])
-            less = source.less_cyclic
-            ends.append((roll / less, pitch / less, 2.0 * source.yaw * s[3], sum(s[:3]) / 3.0))
+            less = source["less_cyclic"]
+            ends.append((roll / less, pitch / less, 2.0 * source["yaw"] * s[3], sum(s[:3]) / 3.0))
         return (np.array(ends[0]) - ends[1]) / 2e-3
 
     lat, lon, ped, col = map(moved, AXES)
     return {
-        "tau_f": source.tau,
-        "L_b": source.Lb,
-        "M_a": source.Ma,
-        "A_b": source.Mfb,
-        "B_a": source.Lfa,
-        "A_lat": source.Mflt * lat[0] + source.Mflg * lat[1],
-        "A_lon": source.Mflt * lon[0] + source.Mflg * lon[1],
-        "B_lat": source.Lflt * lat[0] + source.Lflg * lat[1],
-        "B_lon": source.Lflt * lon[0] + source.Lflg * lon[1],
-        "N_r": source.Nr,
-        "N_ped": source.Nped * ped[2],
-        "Z_w": source.Zw,
-        "Z_col": source.Zcol * col[3],
+        **{name: source[name] for name in ("tau_f", "L_b", "M_a", "A_b", "B_a", "N_r", "Z_w")},
+        "A_lat": source["Mflt"] * lat[0] + source["Mflg"] * lat[1],
+        "A_lon": source["Mflt"] * lon[0] + source["Mflg"] * lon[1],
+        "B_lat": source["Lflt"] * lat[0] + source["Lflg"] * lat[1],
+        "B_lon": source["Lflt"] * lon[0] + source["Lflg"] * lon[1],
+        "N_ped": source["N_ped"] * ped[2],
+        "Z_col": source["Z_col"] * col[3],
     }
 
 
 def rows(whose: str, log: Path) -> list[Row]:
     flown = DataFlash(log)
-    parameters, rate = flown.parameters(), flown.table("RATE")
-    sweeps = flown.table("SIDD").time
-    while_swept = (rate.time >= sweeps[0]) & (rate.time <= sweeps[-1])
-    hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
+    parameters, sweeps = flown.parameters(), flown.table("SIDD").time
+    hover = flown_loops.throttle(flown, sweeps[0], sweeps[-1])
     found = identified(log)
     if whose == JR700:
         true = exact_jr700(parameters, hover)
@@ -251,11 +230,8 @@ def main(arguments: list[str] | None = None) -> int:
     if not any(logs.values()):
         parser.error("no log is named, and nothing is to be flown")
     missed = [bar for whose in BARS for log in logs[whose] for bar in judged(whose, log)]
-    if logs[LOOPS]:
-        sys.stdout.flush()
-        command = [sys.executable, str(_FLOWN_LOOPS), *map(str, logs[LOOPS])]
-        if subprocess.run(command, check=False).returncode:
-            missed.append("figures of loops, above")
+    if logs[LOOPS] and flown_loops.main([str(log) for log in logs[LOOPS]]):
+        missed.append("figures of loops, above")
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 

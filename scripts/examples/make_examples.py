@@ -45,47 +45,22 @@ RESOLUTION = {
 """In the channels' units: below the recorder's noise, a fraction of it."""
 KEPT = (*IN1, *IN2, *RATES, *ATTITUDES, *VELOCITIES)
 
-MAP = """\
-# What the columns of logger.csv are.
-[time]
-column = "time_ms"
-unit = "ms"
-
-[channels.LAT]
-column = "aileron_stick_pct"
-unit = "percent"
-
-[channels.LON]
-column = "elevator_stick_pct"
-unit = "percent"
-sign = -1
-
-[channels.lat]
-column = "swash_roll_pct"
-unit = "percent"
-
-[channels.lon]
-column = "swash_pitch_pct"
-unit = "percent"
-sign = -1
-
-[channels.p]
-column = "gyro_x_dps"
-unit = "deg/s"
-
-[channels.q]
-column = "gyro_y_dps"
-unit = "deg/s"
-"""
+UNITS = {"percent": 100.0, "deg/s": 180.0 / np.pi}
+"""Of the logger's columns, in SI units."""
 COLUMNS = {
-    "aileron_stick_pct": ("LAT", 100.0, 1),
-    "elevator_stick_pct": ("LON", -100.0, 1),
-    "swash_roll_pct": ("lat", 100.0, 2),
-    "swash_pitch_pct": ("lon", -100.0, 2),
-    "gyro_x_dps": ("p", 180.0 / np.pi, 1),
-    "gyro_y_dps": ("q", 180.0 / np.pi, 1),
+    "aileron_stick_pct": ("LAT", "percent", 1, 1),
+    "elevator_stick_pct": ("LON", "percent", -1, 1),
+    "swash_roll_pct": ("lat", "percent", 1, 2),
+    "swash_pitch_pct": ("lon", "percent", -1, 2),
+    "gyro_x_dps": ("p", "deg/s", 1, 1),
+    "gyro_y_dps": ("q", "deg/s", 1, 1),
 }
-"""Column -> its channel, its unit in SI units, and its decimals."""
+"""Column -> its channel, unit, sign and decimals."""
+TIME = '# What the columns of logger.csv are.\n[time]\ncolumn = "time_ms"\nunit = "ms"\n'
+MAP = TIME + "".join(
+    f'\n[channels.{channel}]\ncolumn = "{column}"\nunit = "{unit}"\n' + "sign = -1\n" * (sign < 0)
+    for column, (channel, unit, sign, _) in COLUMNS.items()
+)
 
 
 def flown(vehicle: hs.Vehicle, excitation: hs.Excitation, seed: int) -> hs.FlightRecord:
@@ -104,8 +79,8 @@ def write_logger(record: hs.FlightRecord, path: Path) -> None:
         rows.writerow(["time_ms", *COLUMNS])
         for k, time in enumerate(record.time):
             cells = (
-                f"{factor * record[name][k]:.{digits}f}"
-                for name, factor, digits in COLUMNS.values()
+                f"{sign * UNITS[unit] * record[name][k]:.{digits}f}"
+                for name, unit, sign, digits in COLUMNS.values()
             )
             rows.writerow([f"{1e3 * time:.0f}", *cells])
 

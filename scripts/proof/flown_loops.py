@@ -203,15 +203,18 @@ def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]
     return table
 
 
+def throttle(log: DataFlash, start: float, stop: float) -> float:
+    """Return the median throttle, 0 to 1, between two times of a log, s."""
+    rate = log.table("RATE")
+    between = (rate.time >= start) & (rate.time <= stop)
+    return float(np.median(np.asarray(rate["AOut"], float)[between]))
+
+
 def judged(log: Path, *, own: bool) -> list[str]:
     flown, opened = flown_loops(log), DataFlash(log)
     swept = [sweep for one in flown.logs.values() for sweep in one]
-    rate = opened.table("RATE")
-    first = opened.begins
-    start, stop = (first + one for one in (swept[0].start, swept[-1].stop))
-    while_swept = (rate.time >= start) & (rate.time <= stop)
-    hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
-    parameters = opened.parameters()
+    start, stop = (opened.begins + one for one in (swept[0].start, swept[-1].stop))
+    hover, parameters = throttle(opened, start, stop), opened.parameters()
 
     def steady(message: str, field: str) -> float:
         table = opened.table(message)

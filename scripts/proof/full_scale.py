@@ -78,11 +78,6 @@ class FullScale:
         object.__setattr__(self, "padfield", by_knots)
         check(self)
 
-    def apart(self, name: str, knots: int) -> float:
-        axis, _, cause = name.partition("_")
-        printed = self.padfield[knots].derivative(RATE_OF[axis], cause)
-        return self.thesis_derivatives[name][self.thesis_knots.index(knots)] / printed - 1.0
-
 
 LYNX = from_plain(FullScale, read_toml(Path(__file__).with_name("lynx.toml")), "lynx.toml")
 CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
