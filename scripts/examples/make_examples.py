@@ -16,17 +16,7 @@ import numpy as np
 import helisim as hs
 from helisim.base.files import atomic_write
 from helisim.logs.examples import FOLDER
-from helisim.records.record import (
-    ACCELERATIONS,
-    ATTITUDES,
-    AXES,
-    IN1,
-    IN2,
-    POSITIONS,
-    RATES,
-    SERVOS,
-    VELOCITIES,
-)
+from helisim.records import record as channels
 
 RATE = 50.0
 """Hz: seven samples to the period of 42 rad/s, the highest frequency of the roll-pitch fit."""
@@ -35,15 +25,15 @@ DURATION = 45.0
 SEED = 11
 LOGGER_SEED = 13
 RESOLUTION = {
-    **dict.fromkeys((*SERVOS, *IN2), 0.001),
-    **dict.fromkeys(RATES, 0.002),
-    **dict.fromkeys(ATTITUDES, 0.001),
-    **dict.fromkeys(VELOCITIES, 0.01),
-    **dict.fromkeys(ACCELERATIONS, 0.05),
-    **dict.fromkeys(POSITIONS, 0.01),
+    **dict.fromkeys((*channels.SERVOS, *channels.IN2), 0.001),
+    **dict.fromkeys(channels.RATES, 0.002),
+    **dict.fromkeys(channels.ATTITUDES, 0.001),
+    **dict.fromkeys(channels.VELOCITIES, 0.01),
+    **dict.fromkeys(channels.ACCELERATIONS, 0.05),
+    **dict.fromkeys(channels.POSITIONS, 0.01),
 }
 """In the channels' units: below the recorder's noise, a fraction of it."""
-KEPT = (*IN1, *IN2, *RATES, *ATTITUDES, *VELOCITIES)
+KEPT = (*channels.IN1, *channels.IN2, *channels.RATES, *channels.ATTITUDES, *channels.VELOCITIES)
 
 UNITS = {"percent": 100.0, "deg/s": 180.0 / np.pi}
 """Of the logger's columns, in SI units."""
@@ -69,8 +59,8 @@ def flown(vehicle: hs.Vehicle, excitation: hs.Excitation, seed: int) -> hs.Fligh
     )
     plan = hs.FlightPlan(excitation=excitation, recorder=recorder)
     (record,) = hs.fly(vehicle, plan, seed=seed)
-    channels = [record.channels[record.names.index(name)] for name in KEPT]
-    return hs.FlightRecord(record.time, record.select(KEPT), tuple(channels), record.provenance)
+    kept = [record.channels[record.names.index(name)] for name in KEPT]
+    return hs.FlightRecord(record.time, record.select(KEPT), tuple(kept), record.provenance)
 
 
 def write_logger(record: hs.FlightRecord, path: Path) -> None:
@@ -88,7 +78,7 @@ def write_logger(record: hs.FlightRecord, path: Path) -> None:
 def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     vehicle = hs.load("jr700")
-    for axis in AXES:
+    for axis in channels.AXES:
         sweep = hs.Sweep(axis=axis, duration=DURATION)
         hs.write_record(flown(vehicle, sweep, SEED), folder / f"sweep_{axis}.parquet")
     for axis in ("lat", "ped"):

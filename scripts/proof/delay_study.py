@@ -19,9 +19,9 @@ misses, whatever the noise does.
     python scripts/proof/delay_study.py --case rollpitch --delay 0.5
     python scripts/proof/delay_study.py --case lynx --delay 0.5 --flipped 0.2
 
-`rollpitch` is Wu and Chen's model, its starts the built-in structure's; aircraft of
-tests/recovery are the published ones, their starts powers of ten of
-the right sign. `--flipped` gives a share of those starts the wrong sign.
+`rollpitch` is Wu and Chen's model, its starts the built-in structure's; aircraft of tests/recovery
+are the published ones, their starts powers of ten of the right sign. `--flipped` gives a share of
+those starts the wrong sign.
 """
 
 import argparse
@@ -72,21 +72,6 @@ class Case:
     delays: tuple[str, ...]
     data: FrequencyResponse
 
-    @classmethod
-    def of(
-        cls,
-        random: np.random.Generator,
-        structure: Structure,
-        truth: dict[str, float],
-        delays: tuple[str, ...],
-        frequency: NDArray,
-        exact: NDArray,
-    ) -> "Case":
-        wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
-        noisy = exact * (1.0 + NOISE * wobble)
-        names = {"inputs": structure.inputs, "outputs": structure.outputs}
-        return cls(structure, truth, delays, FrequencyResponse.exact(frequency, noisy, **names))
-
     @property
     def cost(self) -> Cost:
         points = select(self.data, self.structure, band=None, responses=None, count=20)
@@ -135,6 +120,14 @@ class Case:
         return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
 
 
+def noisy(
+    random: np.random.Generator, structure: Structure, frequency: NDArray, exact: NDArray
+) -> FrequencyResponse:
+    wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
+    names = {"inputs": structure.inputs, "outputs": structure.outputs}
+    return FrequencyResponse.exact(frequency, exact * (1.0 + NOISE * wobble), **names)
+
+
 def matched(found: NDArray[np.complex128], to: NDArray[np.complex128]) -> NDArray[np.complex128]:
     _, columns = linear_sum_assignment(np.abs(found[None, :] - to[:, None]))
     return found[columns]
@@ -169,7 +162,8 @@ def transfer_case(name: str, delay: float, seed: int, _flipped: float) -> Case:
     truth |= {f"a{k}": float(a) for k, a in enumerate(den[::-1][:poles])} | {"tau": tau}
     structure = structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
     ordered = {name: truth[name] for name in structure.names}
-    return Case.of(random, structure, ordered, ("tau",), frequency, exact[None, None])
+    data = noisy(random, structure, frequency, exact[None, None])
+    return Case(structure, ordered, ("tau",), data)
 
 
 def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
@@ -178,8 +172,8 @@ def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
     truth = {name: ROLLPITCH[name] * np.exp(0.3 * random.normal()) for name in structure.names}
     truth |= {name: random.uniform(0.0, delay) for name in delays}
     frequency = np.geomspace(*ROTOR_BAND, POINTS)
-    exact = response(structure, truth, frequency)
-    return Case.of(random, structure, truth, delays, frequency, exact)
+    data = noisy(random, structure, frequency, response(structure, truth, frequency))
+    return Case(structure, truth, delays, data)
 
 
 def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
@@ -198,7 +192,7 @@ def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
     exact = response(structure, {**aircraft.truth, **drawn}, frequency)
     size = np.max(np.abs(exact), axis=2, keepdims=True)
     exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
-    return Case.of(random, structure, drawn, delays, frequency, exact)
+    return Case(structure, drawn, delays, noisy(random, structure, frequency, exact))
 
 
 def study(

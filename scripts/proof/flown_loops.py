@@ -193,10 +193,8 @@ def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]
         near = np.abs(np.log(np.abs(true))) < np.log(_JUDGED)
         ratio, at = curve.response[near] / true[near], curve.frequency[near]
         decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
-        for name, off, bar in (
-            ("|L|, worst at", decibel, DECIBEL),
-            ("its phase", degrees, DEGREES),
-        ):
+        worst_of = ("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES)
+        for name, off, bar in worst_of:
             worst = int(np.argmax(np.abs(off)))
             where = float(at[worst]), float(at[0]), float(at[-1])
             table.append(Row(axis, name, "rad/s", *where, np.nan, float(off[worst]), bar))

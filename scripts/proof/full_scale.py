@@ -223,18 +223,14 @@ class Explanation:
 
     letter: str
     words: str
-    sources: tuple[str, ...]
     names: tuple[str, ...]
+    sources: tuple[str, ...] = (THESIS,)
     switch: Changes = ()
-    term: Callable[[Row, Flight], float] | None = None
+    term: Callable[[Row], float] | None = None
 
     def tried(self, row: Row) -> Row:
         tried = _indexed(row.source, self.switch)[row.name, row.knots]
-        if self.term is None:
-            return tried
-        flown = flights(_AS_THESIS if row.source == THESIS else ())
-        flight = next(one for one in flown if one.knots == row.knots)
-        return replace(tried, found=tried.found + self.term(row, flight))
+        return replace(tried, found=tried.found + self.term(row)) if self.term else tried
 
     def holds(self, row: Row) -> bool:
         tried = self.tried(row)
@@ -272,10 +268,9 @@ def unexplained() -> list[Row]:
 
 def answering_inflow() -> Changes:
     own = load("lynx").parameters
-    solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
-    solidity /= np.pi * own["main_rotor.radius"]
-    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
-    disc = np.pi * own["main_rotor.radius"] ** 2
+    radius = own["main_rotor.radius"]
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (np.pi * radius)
+    tip, disc = own["main_rotor.speed"] * radius, np.pi * radius**2
     inflow = np.sqrt(MASS * GRAVITY / (2.0 * own["air.density"] * disc)) / tip
     name, static = "flapping.lock_reduction", 15.0 * np.pi / 32.0  # Pitt and Peters
     given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
@@ -292,7 +287,7 @@ def _tail(knots: int) -> tuple[float, float, float, float]:
     return slope / (np.pi * own["tail_rotor.radius"]), advance, thrust, induced
 
 
-def more_tail_inflow(row: Row, flight: Flight) -> float:
+def more_tail_inflow(row: Row) -> float:
     """Return what the thesis's factor of inflow changes in the tail's effectiveness.
 
     A thrust of a sigma / 2 (theta / 3 - lambda / 2) makes an inflow that takes back part of it.
@@ -303,13 +298,13 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
     return row.found * ((1.0 + taken) / (1.0 + FACTOR * taken) - 1.0)
 
 
-def printed_tail_thrust(row: Row, flight: Flight) -> float:
+def printed_tail_thrust(row: Row) -> float:
     slope, advance, thrust, induced = _tail(row.knots)
     through = 0.5 * FACTOR * induced
     return 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2) - row.found
 
 
-def stabilising_fuselage(row: Row, flight: Flight) -> float:
+def stabilising_fuselage(row: Row) -> float:
     own = load("lynx").parameters
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
     moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * KNOT
@@ -330,8 +325,8 @@ EXPLANATIONS = (
         "w",
         "The rotor's wake at tailplane and tail is that of vortex rings here, down also above the "
         "wake, where a tailplane at the hub's height is; both prints have none there.",
-        (PADFIELD, THESIS),
         ("M_w", "M_u", "X_u", "theta", "theta_1s", "X_theta_1s"),
+        sources=(PADFIELD, THESIS),
         switch=(("airframe.tail_wash", 0.0),),
     ),
     Explanation(
@@ -339,14 +334,12 @@ EXPLANATIONS = (
         "The thesis's main rotor takes more torque, by an inflow of (9/5)^(1/4) times momentum's "
         "and a wake that is not uniform; tail pitch is that for the tail thrust it prints, with "
         "that inflow.",
-        (THESIS,),
         ("theta_0T",),
         term=printed_tail_thrust,
     ),
     Explanation(
         "k",
         "The thesis's tail rotor has that inflow too, and so less thrust for its pitch.",
-        (THESIS,),
         ("N_theta_0T", "Y_theta_0T", "L_theta_0T"),
         term=more_tail_inflow,
     ),
@@ -354,7 +347,6 @@ EXPLANATIONS = (
         "i",
         "The thesis's inflow answers the blades' flapping, here by a reduced Lock number; this "
         "model's, as Padfield's, follows the mean thrust.",
-        (THESIS,),
         ("L_theta_1s", "M_q", "M_p", "L_p", "L_q", "N_p", "X_q", "Y_p"),
         switch=answering_inflow(),
     ),
@@ -362,21 +354,19 @@ EXPLANATIONS = (
         "d",
         "Blades pay for lift by torque here, so that less of their drag holds the rotor against "
         "the flow; Helisim has one drag coefficient for both.",
-        (PADFIELD,),
         ("X_u",),
+        sources=(PADFIELD,),
         switch=PLAIN_BLADES,
     ),
     Explanation(
         "c",
         "Air is compressible here: a fast tip has more drag, from Mach 0.725 on, as NACA 0012's.",
-        (THESIS,),
         ("N_theta_0",),
         switch=(("air.sound_speed", 0.0),),
     ),
     Explanation(
         "l",
         "Besides the tail's inflow, its blades lift more in compressible air.",
-        (THESIS,),
         ("N_theta_0T",),
         switch=(("air.sound_speed", 0.0),),
         term=more_tail_inflow,
@@ -385,15 +375,14 @@ EXPLANATIONS = (
         "a",
         "The fin's lift slope of 2.5 is the thesis's estimate from its shape; Padfield's was not "
         "seen, and 3.2 would do.",
-        (PADFIELD,),
         ("N_v",),
+        sources=(PADFIELD,),
         switch=(("fin.aspect_ratio", 2.8),),
     ),
     Explanation(
         "f",
         "The fuselage turns away from the flow, as slender bodies do, and as in Padfield's N_v; "
         "the thesis's yawing moment turns it into the flow.",
-        (THESIS,),
         ("N_v",),
         term=stabilising_fuselage,
     ),

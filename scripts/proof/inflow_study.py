@@ -10,7 +10,7 @@ without what it has no states for.
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -69,17 +69,6 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
         "turn": own["main_rotor.direction"] / speed,
         "torque": -linear.derivative("p", "flap_a") / linear.derivative("p", "flap_b"),
     }
-
-
-def fast_response(records: Sequence[hs.FlightRecord]) -> hs.FrequencyResponse:
-    return hs.frequency_response(
-        records,
-        inputs=("lat", "lon"),
-        outputs=("p", "q"),
-        conditioning=("col", "ped", "u", "v"),
-        band=FAST_BAND,
-        estimator="windows",
-    )
 
 
 def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, ident.Fit]:
@@ -152,9 +141,10 @@ def main(count: int = 4) -> None:
     col, both = flights["col"], flights["lat"] + flights["lon"]
     heave = hs.frequency_response(col, inputs=("col",), outputs=("w", "az"), band=HEAVE_BAND)
     plain = hs.frequency_response(col, inputs=("col",), outputs=("w",), band=(0.8, 15.0))
-    fast = fast_response(both)
-    names = {"inputs": ("lat", "lon"), "outputs": ("p", "q"), "conditioning": ("col", "ped")}
-    cyclic = hs.frequency_response(both, **names, band=CYCLIC_BAND)
+    names, others = {"inputs": ("lat", "lon"), "outputs": ("p", "q")}, ("col", "ped")
+    moving_air = {"conditioning": (*others, "u", "v"), "band": FAST_BAND, "estimator": "windows"}
+    fast = hs.frequency_response(both, **names, **moving_air)
+    cyclic = hs.frequency_response(both, **names, conditioning=others, band=CYCLIC_BAND)
     spec = replace(ROLLPITCH_IN1, structure=known)
     exact = exact_response(moving, spec, recorder, np.geomspace(*EXACT_BAND, 150))
     fits = {

@@ -28,10 +28,13 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numba
 import numpy as np
 
 import helisim as hs
+from helisim import gym
 from helisim.base.files import read_toml
+from helisim.cli import main as command
 
 FILE = Path(__file__).with_suffix(".json")
 SETTINGS = read_toml(FILE.with_suffix(".toml"))
@@ -82,16 +85,12 @@ def plan_of(record: hs.FlightRecord) -> dict[str, Any]:
     return json.loads(re.sub(r"\bhelisim(\.\w+)+:", "", json.dumps(facts)))
 
 
-# records
+_PARTS = {"motor": ("drive.governor", "motor"), "inflow": ("main_rotor.inflow", "pitt-peters")}
 
 
 @cache
-def vehicle(name: str, **options: Any) -> Any:
-    inflow = ("main_rotor.inflow", "pitt-peters")
-    short = {"motor": ("drive.governor", "motor"), "inflow": inflow}
-    parameters = dict(short[one] for one in options if one in short)
-    rest = {one: value for one, value in options.items() if one not in short}
-    return hs.load(name, parameters=parameters or None, **rest)
+def vehicle(name: str, *parts: str, **options: Any) -> Any:
+    return hs.load(name, parameters=dict(_PARTS[one] for one in parts) or None, **options)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -135,14 +134,9 @@ def damper(seen: Any, state: Any) -> Any:
 
 
 def controllers() -> dict[str, Case]:
-    def compiled(function: Any) -> Any:
-        import numba
-
-        return numba.njit(function)
-
     return {
         "python": lambda: hs.Controller(tail=yaw, states=1, settings=[0.5, 10.0, 0.002]),
-        "compiled": lambda: hs.Controller(compiled(damper), name="damper"),
+        "compiled": lambda: hs.Controller(numba.njit(damper), name="damper"),
         "function": lambda: damper,
         "attitude": lambda: hs.law_of(SETTINGS["law"]["attitude"]),
         "rate": lambda: hs.RateCommand.of(vehicle("jr700")),
@@ -151,8 +145,8 @@ def controllers() -> dict[str, Case]:
     }
 
 
-def flown(name: str, plan: Any, *, seed: int = 3, options: Any = (), **more: Any) -> Any:
-    one = vehicle(name, **dict.fromkeys(options, True)) if isinstance(name, str) else name
+def flown(name: str, plan: Any, *, seed: int = 3, parts: Any = (), **more: Any) -> Any:
+    one = vehicle(name, *parts) if isinstance(name, str) else name
     return hs.fly(one, plan, seed=seed, jobs=1, keep_ended=True, **more)[0]
 
 
@@ -165,8 +159,6 @@ def by_hand(assist: str) -> Any:
 
 
 def environment(kind: str, count: int = 0, **settings: Any) -> Any:
-    import helisim.gym as gym
-
     if settings.pop("rk4", False):
         settings["vehicle"] = hs.load("jr700", integrator="RK4")
     task = gym.Hover() if kind == "hover" else gym.Track()
@@ -185,9 +177,7 @@ def environment(kind: str, count: int = 0, **settings: Any) -> Any:
 
 
 def frames(**options: Any) -> Any:
-    from helisim import sitl
-
-    aircraft, told = sitl.Aircraft("jr700", recorded=True, **options), []
+    aircraft, told = hs.sitl.Aircraft("jr700", recorded=True, **options), []
     for n in range(900):
         pulses = [1500 + min(n // 3, 90), 1500, 1480, 1520, 0, 0, 0, 1000 + min(2 * n, 700)]
         told.append(aircraft.step(pulses))
@@ -200,45 +190,29 @@ _SENSED = ("gyro", "force", "position", "velocity", "quaternion")
 
 def records() -> dict[str, Case]:
     jr = partial(partial, flown, "jr700")
-    tables = SETTINGS["plan"]
-    usual = tables["kind doublet"]
+    usual = SETTINGS["plan"]["kind doublet"]
     plans = {
         name: hs.FlightPlan.from_dict(table if "mission" in table else {**usual, **table})
-        for name, table in tables.items()
+        for name, table in SETTINGS["plan"].items()
     }
     doublet = plans["kind doublet"].excitation
-    samples = np.array([[0.0, 0.0], [1.0, 0.02], [2.0, 0.0]])
-    held = hs.History.of(samples[:, 0], samples[:, 1:], axis="lat", method="hold")
-    spin = hs.FlightPlan(
-        excitation=doublet,
-        ground=hs.Ground(parked=True, rotor=0.0),
-        weather=hs.Weather(height=2.0),
-    )
     cases: dict[str, Case] = {}
     for name in ("jr700", "lynx", "blade360"):
         for axis in ("col", "lon", "lat", "ped"):
             sweep = hs.Sweep(axis=axis, duration=5.0, trim_time=1.0)
             cases[f"{name} sweep {axis}"] = partial(flown, name, sweep)
     cases |= {name: jr(one) for name, one in plans.items()}
-    cases |= {"kind history": jr(held), "ground spin up": jr(spin, options=("motor",))}
-    places = {
-        "servos": "ped", "actuators": "lat+lon", "sensors": "p+r", "sensors attitude": "phi",
-    }  # fmt: skip
-    for name, axis in places.items():
-        chirp = hs.Multisine(
-            **{"axis": axis, "at": name.split()[0], "amplitude": 0.02, "band": (2.0, 30.0)},
-            **{"period": 2.0, "duration": 3.0, "trim_time": 0.5},
-        )
-        law = {"controller": controllers()["attitude"]()} if "attitude" in name else {}
-        cases[f"at {name}"] = jr(dataclasses.replace(plans["calm"], excitation=chirp), **law)
+    cases["ground spin up"] = jr(plans["ground spin up"], parts=("motor",))
+    attitude = controllers()["attitude"]()
+    cases["at sensors attitude"] = jr(plans["at sensors attitude"], controller=attitude)
     cases |= {
         f"law {name}": lambda made=made: flown("jr700", doublet, controller=made())
         for name, made in controllers().items()
     }
     cases |= {
-        "motor": jr(doublet, options=("motor",)),
-        "inflow": jr(doublet, options=("inflow",)),
-        "blade360 motor inflow": partial(flown, "blade360", doublet, options=("motor", "inflow")),
+        "motor": jr(doublet, parts=("motor",)),
+        "inflow": jr(doublet, parts=("inflow",)),
+        "blade360 motor inflow": partial(flown, "blade360", doublet, parts=("motor", "inflow")),
         "euler": lambda: flown(vehicle("jr700", integrator="Euler"), doublet),
         "timestep": lambda: flown(vehicle("jr700", timestep=0.001), doublet),
         "lynx euler": lambda: flown(vehicle("lynx", integrator="Euler"), doublet),
@@ -248,22 +222,13 @@ def records() -> dict[str, Case]:
         "gym hover": partial(environment, "hover"),
         "gym track servos": partial(environment, "track", action="servos", rk4=True),
         "gym vector": lambda: environment(
-            "track", 3, spread=_gym().USUAL,
-            weather=_gym().WeatherRange(wind=4.0, turbulence=6.0, gust=3.0),
+            "track", 3, spread=gym.USUAL,
+            weather=gym.WeatherRange(wind=4.0, turbulence=6.0, gust=3.0),
         ),
         "sitl direct": frames,
         "sitl turbulent": partial(frames, motor=False, weather=hs.Weather(turbulence="light")),
     }  # fmt: skip
     return cases
-
-
-def _gym() -> Any:
-    import helisim.gym as gym
-
-    return gym
-
-
-# linear
 
 
 def sketch(values: Any) -> list[float]:
@@ -285,8 +250,8 @@ def system(found: Any, without: str = "") -> dict[str, Any]:
 
 
 def linear() -> dict[str, Case]:
-    def base(name: str, *options: str) -> Any:
-        one = vehicle(name, **dict.fromkeys(options, True))
+    def base(name: str, *parts: str) -> Any:
+        one = vehicle(name, *parts)
         first, second = one.linearize("IN1"), one.linearize("IN2")
         matrices = {m: np.asarray(getattr(first.system, m)).tolist() for m in "AB"}
         return {
@@ -330,9 +295,6 @@ def linear() -> dict[str, Case]:
 
 _STANDARDS = ("margins", "disturbance_rejection", "ads33e_target_acquisition")
 _AT = np.array([0.5, 5.0, 50.0])
-
-
-# ident
 
 
 def fitted(fit: Any) -> dict[str, Any]:
@@ -417,9 +379,6 @@ _FITTED = ("heave", "yaw_base", "yaw_sway", "yaw_gyro", "yaw_overall", "rollpitc
 _FITTED += ("rollpitch_tied", "rollpitch_inflow", "rollpitch_speeds", "hover_inflow")
 
 
-# reproduce
-
-
 def reproduce() -> dict[str, Case]:
     def numbers(seed: int, flights: int) -> Any:
         run = hs.reproduce(flights=flights, seed=seed, jobs=1)
@@ -434,16 +393,12 @@ def reproduce() -> dict[str, Case]:
     return {f"seed {n}": partial(numbers, n, n) for n in ((1,) if FAST[0] else (1, 2))}
 
 
-# commands
-
 COMMANDS = FILE.with_name("lock_commands.txt")
 _TEXTS = (".toml", ".json", ".html", ".parm", ".svg", ".xml", ".md")
 _ROOT = str(hs.model_folder("jr700").parents[1])
 
 
 def run(words: list[str], folder: Path) -> dict[str, Any]:
-    from helisim.cli import main as command
-
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err), warnings.catch_warnings():
@@ -456,11 +411,8 @@ def run(words: list[str], folder: Path) -> dict[str, Any]:
             status = f"raised {type(error).__name__}: {error}"
     after = (path for path in sorted(folder.rglob("*")) if path.is_file())
     new = [path for path in after if before.get(path) != path.stat().st_mtime_ns]
-    written = {
-        str(path.relative_to(folder)): content(path, folder)
-        for path in new
-        if "__pycache__" not in path.parts
-    }
+    kept = [path for path in new if "__pycache__" not in path.parts]
+    written = {str(path.relative_to(folder)): content(path, folder) for path in kept}
     found = {"status": status, "out": out.getvalue(), "err": err.getvalue(), "files": written}
     for name in ("out", "err"):
         found[name] = steady(found[name], folder).splitlines()
@@ -521,9 +473,6 @@ def commands() -> dict[str, Case]:
     return named
 
 
-# names
-
-
 def signature(value: Any) -> str:
     try:
         found = inspect.signature(value)
@@ -545,7 +494,7 @@ def public(module: Any) -> list[str]:
 
 def names() -> dict[str, Case]:
     cases: dict[str, Case] = {"__all__": lambda: sorted(hs.__all__)}
-    spaces = {"": hs, "gym.": _gym(), **{f"{n}.": getattr(hs, n) for n in _MODULES}}
+    spaces = {"": hs, "gym.": gym, **{f"{n}.": getattr(hs, n) for n in _MODULES}}
     for space, module in spaces.items():
         listed = getattr(module, "__all__", None) or public(module)
         if space:
@@ -559,17 +508,8 @@ def names() -> dict[str, Case]:
 _MODULES = ("blocks", "criteria", "laws", "missions", "structures", "sitl")
 
 
-# all
-
-
-GROUPS: dict[str, Callable[[], dict[str, Case]]] = {
-    "records": records,
-    "linear": linear,
-    "ident": ident,
-    "reproduce": reproduce,
-    "commands": commands,
-    "names": names,
-}
+_ALL = (records, linear, ident, reproduce, commands, names)
+GROUPS: dict[str, Callable[[], dict[str, Case]]] = {one.__name__: one for one in _ALL}
 NEAR = {"linear": 1e-12, "ident": 1e-9}
 """Relative tolerance of the groups whose numbers are written; an optimiser ends in `ident`."""
 

@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -152,11 +153,7 @@ _HEALED = 20
 
 
 def _longest(flags):
-    longest = row = 0
-    for flag in flags:
-        row = row + 1 if flag else 0
-        longest = max(longest, row)
-    return longest
+    return max((len(list(row)) for flag, row in groupby(flags) if flag), default=0)
 
 
 def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):

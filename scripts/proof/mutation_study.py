@@ -153,7 +153,6 @@ class Times:
         self.coverage.switch_context("")
 
     def pytest_runtest_call(self, item) -> None:
-        """Count a test's lines as its own."""
         self.coverage.switch_context(item.nodeid)
         self.started = time.process_time()
 
@@ -265,10 +264,9 @@ def table(outcomes: dict[str, list[bool]]) -> str:
     rows += [f"{one:<28}{sum(dead):>8}{len(dead):>8}" for one, dead in sorted(outcomes.items())]
     every = list(chain.from_iterable(outcomes.values()))
     if every:
-        low, high = binomtest(sum(every), len(every)).proportion_ci(method="wilson")
-        rate = (
-            f"{100 * sum(every) / len(every):.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
-        )
+        interval = binomtest(sum(every), len(every)).proportion_ci(method="wilson")
+        low, high = 100 * interval.low, 100 * interval.high
+        rate = f"{100 * sum(every) / len(every):.1f} % (95 %: {low:.1f} to {high:.1f} %)"
         rows.append(f"{'all':<28}{sum(every):>8}{len(every):>8}  {rate}")
     return "\n".join(rows)
 
