@@ -14,9 +14,10 @@ from helisim.ident import structures
 from helisim.ident.evaluate import linear
 
 TRUTH = {
-    "rollpitch": {
+    "rollpitch_speeds": {
         "tau_f": 0.07, "L_b": 900.0, "M_a": 500.0, "A_b": -0.3, "B_a": 0.3, "A_lat": 0.05,
         "A_lon": 0.25, "B_lat": 0.25, "B_lon": -0.05, "tau_lat": 0.0, "tau_lon": 0.0,
+        "A_u": 0.0, "A_v": 0.0, "L_p": 0.0, "M_q": 0.0,
     },
     "yaw_base": {"N_r": -3.0, "N_ped": 50.0, "tau_r_base": 0.0},
     "heave_imu": {"Z_w": -2.0, "Z_col": -25.0, "tau_col": 0.0},
@@ -31,12 +32,12 @@ def _system():
     """Return A, B of p, q, a, b, r, w over lat, lon, ped, col."""
     a, b = np.zeros((6, 6)), np.zeros((6, 4))
     places = {
-        "rollpitch": (slice(0, 4), slice(0, 2)),
+        "rollpitch_speeds": (slice(0, 4), slice(0, 2)),
         "yaw_base": (slice(4, 5), slice(2, 3)),
         "heave_imu": (slice(5, 6), slice(3, 4)),
     }
     for name, (states, inputs) in places.items():
-        found = linear(structures.named(name), TRUTH[name])
+        found = linear(structures.named(name.removesuffix("_speeds")), TRUTH[name])
         a[states, states], b[states, inputs] = found.a, found.b
     return a, b
 
