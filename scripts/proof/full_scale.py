@@ -10,7 +10,7 @@ models/lynx has Padfield's configuration; nothing of it is fitted to a derivativ
 Each difference of more than 15 % must have an explanation, and explanations are tried: the model
 flies again with what is named switched, and the difference must shrink. Where the two prints
 differ from each other as much, neither is more than that. Sources: scripts/proof/lynx.toml and
-models/lynx/README.md.
+models/lynx/README.md; explanations: scripts/proof/full_scale.toml.
 
     python scripts/proof/full_scale.py
 """
@@ -224,9 +224,9 @@ class Explanation:
     letter: str
     words: str
     names: tuple[str, ...]
-    sources: tuple[str, ...] = (THESIS,)
-    switch: Changes = ()
-    term: Callable[[Row], float] | None = None
+    sources: tuple[str, ...]
+    switch: Changes
+    term: Callable[[Row], float] | None
 
     def tried(self, row: Row) -> Row:
         tried = _indexed(row.source, self.switch)[row.name, row.knots]
@@ -311,81 +311,19 @@ def stabilising_fuselage(row: Row) -> float:
     return moment * ixx / (ixx * izz - ixz**2)
 
 
-PLAIN_BLADES = (
-    ("air.sound_speed", 0.0),
-    ("main_rotor.lift_drag", 0.0),
-    ("main_rotor.profile_drag", 0.0100),
-    ("tail_rotor.lift_drag", 0.0),
-    ("tail_rotor.profile_drag", 0.0090),
-)
-"""The drag coefficients of the hover's thrust at any thrust, in incompressible air."""
 APART, LIKE_60 = "=", "~"
-EXPLANATIONS = (
+_TERMS = (printed_tail_thrust, more_tail_inflow, stabilising_fuselage)
+_BY_NAME = {one.__name__: one for one in _TERMS}
+EXPLANATIONS = tuple(
     Explanation(
-        "w",
-        "The rotor's wake at tailplane and tail is that of vortex rings here, down also above the "
-        "wake, where a tailplane at the hub's height is; both prints have none there.",
-        ("M_w", "M_u", "X_u", "theta", "theta_1s", "X_theta_1s"),
-        sources=(PADFIELD, THESIS),
-        switch=(("airframe.tail_wash", 0.0),),
-    ),
-    Explanation(
-        "t",
-        "The thesis's main rotor takes more torque, by an inflow of (9/5)^(1/4) times momentum's "
-        "and a wake that is not uniform; tail pitch is that for the tail thrust it prints, with "
-        "that inflow.",
-        ("theta_0T",),
-        term=printed_tail_thrust,
-    ),
-    Explanation(
-        "k",
-        "The thesis's tail rotor has that inflow too, and so less thrust for its pitch.",
-        ("N_theta_0T", "Y_theta_0T", "L_theta_0T"),
-        term=more_tail_inflow,
-    ),
-    Explanation(
-        "i",
-        "The thesis's inflow answers the blades' flapping, here by a reduced Lock number; this "
-        "model's, as Padfield's, follows the mean thrust.",
-        ("L_theta_1s", "M_q", "M_p", "L_p", "L_q", "N_p", "X_q", "Y_p"),
-        switch=answering_inflow(),
-    ),
-    Explanation(
-        "d",
-        "Blades pay for lift by torque here, so that less of their drag holds the rotor against "
-        "the flow; Helisim has one drag coefficient for both.",
-        ("X_u",),
-        sources=(PADFIELD,),
-        switch=PLAIN_BLADES,
-    ),
-    Explanation(
-        "c",
-        "Air is compressible here: a fast tip has more drag, from Mach 0.725 on, as NACA 0012's.",
-        ("N_theta_0",),
-        switch=(("air.sound_speed", 0.0),),
-    ),
-    Explanation(
-        "l",
-        "Besides the tail's inflow, its blades lift more in compressible air.",
-        ("N_theta_0T",),
-        switch=(("air.sound_speed", 0.0),),
-        term=more_tail_inflow,
-    ),
-    Explanation(
-        "a",
-        "The fin's lift slope of 2.5 is the thesis's estimate from its shape; Padfield's was not "
-        "seen, and 3.2 would do.",
-        ("N_v",),
-        sources=(PADFIELD,),
-        switch=(("fin.aspect_ratio", 2.8),),
-    ),
-    Explanation(
-        "f",
-        "The fuselage turns away from the flow, as slender bodies do, and as in Padfield's N_v; "
-        "the thesis's yawing moment turns it into the flow.",
-        ("N_v",),
-        term=stabilising_fuselage,
-    ),
+        one["letter"],
+        one["words"],
+        tuple(one["names"]),
+        tuple(one["sources"]),
+        answering_inflow() if "answering_inflow" in one else tuple(one.get("switch", {}).items()),
+        _BY_NAME[one["term"]] if "term" in one else None,
+    )
+    for one in read_toml(Path(__file__).with_suffix(".toml"))["explanation"]
 )
 
 
