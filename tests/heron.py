@@ -19,34 +19,7 @@ TARGETS = {
 The signs of A_b, B_a, A_lat and B_lon are those of a rotor that turns counter-clockwise.
 """
 
-_GIVEN = """
-air: density 1.2, ground_effect 0
-airframe: ixx 0.060, drag_area_x 0.02, drag_area_y 0.05, drag_area_z 0.04
-fin: area 0.006
-main_rotor: direction -1, radius 0.62, chord 0.050, blades 3, speed 190, induced_factor 1.15
-main_rotor: profile_drag 0.012, stall 0.18, hub_x 0, hub_z -0.20, flap_back 1, flap_stop 0.35
-tail_rotor: radius 0.11, chord 0.025, blades 2, speed 874, lift_slope 5, stall 0.18
-tail_rotor: arm_x -0.78, arm_z 0
-swashplate: front_angle 3.141592653589793, left_angle 0.7853981633974483, front_sign -1
-swashplate: right_angle -0.7853981633974483, left_arm 1.4142135623730951
-swashplate: right_arm 1.4142135623730951
-servo: swash_frequency 170, swash_damping 0.8, tail_frequency 260, tail_damping 0.9
-servo: rate_limit 8, travel 1.1
-gyro: period 0.002, latency 0, lead 0, lead_filter 0.0025, heading_lock 1, ped_latency 0
-gyro: k_delta 4, k_a 1, p_per_lat 6, p_per_lon 0, q_per_lat 0, q_per_lon 6, flight_mode 3
-gyro: pitch_rate 1, elevator_rate 1, aileron_rate 1, anti_windup 1, filter 0.003
-gyro: derivative_filter 0.003
-gyro_tuned: pitch_rate 1, elevator_rate 1, aileron_rate 1
-recorder_latency: p 0.010, q 0.010, r 0.008
-tuning: cyclic_bandwidth 8, yaw_bandwidth 8, peak_sensitivity 1.6
-pilot: k_attitude 0.15, k_velocity 0.04, k_position 0.1, k_heave 0.015, k_height 0.15
-pilot: k_heading 0.035
-sweep: col_amplitude 0.03, col_w_min 0.25, col_w_max 15, lon_amplitude 0.05, lon_w_min 1
-sweep: lon_w_max 60, lat_amplitude 0.05, lat_w_min 1, lat_w_max 60, ped_amplitude 0.03
-sweep: ped_w_min 0.4, ped_w_max 30
-band: yaw_base_low 0.6, yaw_base_high 25, rollpitch_in1_low 4, rollpitch_in1_high 50
-band: heave_low 0.3, heave_high 12
-"""
+_GIVEN = Path(__file__).with_name("heron.txt").read_text(encoding="utf-8")
 """The parameters at size 1."""
 
 _POWERS = {"m": 1.0, "m^2": 2.0, "kg m^2": 5.0, "s/rad": 0.5, "rad/s^2": -1.0, "1/s^2": -1.0}

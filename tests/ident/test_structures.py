@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import control
 import numpy as np
@@ -93,56 +94,7 @@ def test_only_arithmetic_is_read(text):
     assert Expression("11" + "+a" * 99).names == {"a"}
 
 
-GOOD = """
-name = "side"
-meaning = "side velocity over lateral cyclic"
-states = ["v", "x"]
-inputs = ["lat"]
-outputs = ["ay", "v"]
-
-[constants]
-g = 9.80665
-
-[parameters.Y_v]
-unit = "1/s"
-start = -0.2
-meaning = "side damping"
-
-[parameters.Y_lat]
-unit = "m/s^2"
-start = 2.0
-bounds = [0.0, 9.0]
-
-[parameters.tau]
-unit = "s"
-start = 0.0
-scale = 0.05
-
-[input_delays]
-lat = "tau"
-
-[output_delays]
-ay = -0.01
-
-[M]
-x = { x = "2*tau + 1" }
-
-[F]
-v = { v = "Y_v", x = "-g" }
-x = { v = "-Y_v/4", x = -1 }
-
-[G]
-v = { lat = "Y_lat" }
-
-[H0]
-v = { v = 1 }
-
-[H1]
-ay = { v = 1 }
-
-[D]
-ay = { lat = "Y_lat*0.1" }
-"""
+GOOD = Path(__file__).with_name("side.toml").read_text(encoding="utf-8")
 
 
 def write(tmp_path, text):

@@ -70,7 +70,7 @@ def test_the_linearisations_pendulum_is_the_closed_form(jr700, arm):
 
 def test_a_records_pendulum_is_within_a_percent_of_the_closed_form(jr700):
     loaded, wanted = hs.load(slung=RIGID, integrator="Euler"), proof.closed_form(jr700, 1, 3, 0.15)
-    for axis in proof.AXES:  # the percent; measured 0.12 and 0.10 %
+    for axis in proof.AXES:  # a percent is wanted; measured 0.12 and 0.10 %
         assert proof.identified(loaded, axis).frequency == pytest.approx(wanted, rel=0.01)
 
 

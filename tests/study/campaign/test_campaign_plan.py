@@ -22,25 +22,7 @@ CAMPAIGNS = SCRIPTS / "campaigns"
 MISTAKES = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8").splitlines()
 """Each a campaign's text and what is said of it."""
 
-PLAN = """
-[campaign]
-replicates = 2
-seed = 5
-models = ["yaw_base", "heave"]
-flights = 4
-identified_after = [1, 4]
-
-[set.sweep]
-duration = 60
-lat.amplitude = 0.05
-
-[vary.recorder]
-noise = { values = [1, 4], relative = true }
-"noise.p" = [0.001, 0.002]
-
-[vary.vehicle]
-main_rotor.hub_stiffness = { values = [0.8, 1, 1.2], relative = true }
-"""
+PLAN = Path(__file__).with_name("plan.toml").read_text(encoding="utf-8")
 
 
 def plan(text):
