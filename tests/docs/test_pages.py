@@ -70,20 +70,39 @@ RUNNING = [
 ]
 
 
-@pytest.mark.parametrize("page", RUNNING, ids=name)
-def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
+def run(script, folder):
+    """Run a script of bash in a folder, and return what it printed."""
     environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}
-    for folder in ("scripts", "models"):
-        (tmp_path / folder).symlink_to(ROOT / folder)
+    for part in ("scripts", "models"):
+        (folder / part).symlink_to(ROOT / part)
     done = subprocess.run(
-        ["bash", "-c", program(page, tmp_path)],
-        cwd=tmp_path,
+        ["bash", "-c", script],
+        cwd=folder,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+@pytest.mark.parametrize("page", RUNNING, ids=name)
+def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
+    run(program(page, tmp_path), tmp_path)
+
+
+PRINTED = [
+    pytest.param(one[12:], text, marks=[] if "look" in one else pytest.mark.slow, id=one[12:])
+    for page in PAGES
+    for one, _, text in blocks(page)
+    if one.startswith("printed by: ")
+]
+
+
+@pytest.mark.parametrize(("command", "text"), PRINTED)
+def test_a_page_shows_what_its_command_prints(command, text, tmp_path):
+    assert text in run(f"helisim examples --to logs > /dev/null\n{command}", tmp_path)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)

@@ -1,7 +1,5 @@
 """The hover is a regular point: derivatives just beside it are those at it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -26,10 +24,3 @@ def test_derivatives_about_the_hover_lie_on_a_smooth_curve(name):
         return
     # central differences of 1e-6 and trims of 1e-9 leave five digits
     assert np.abs(found[0] - found[1])[0].max() < 2e-5 * np.abs(found[0]).max()
-
-
-def test_the_documentation_prints_todays_table(capsys):
-    """To the last digit printed."""
-    proof.main()
-    page = Path(__file__).parents[2] / "docs" / "theory" / "helicopter.md"
-    assert capsys.readouterr().out in page.read_text(encoding="utf-8")
