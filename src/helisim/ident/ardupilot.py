@@ -223,9 +223,10 @@ def _core(
 
 
 def _without_flap_back(states: Sequence[str], a: Real) -> tuple[Real, str]:
-    """Return a state matrix whose tilts, without their rest in an airspeed, know none; and words.
+    """Return a state matrix without flap-back, and in words what became of it; "" if it had none.
 
-    The rest's moments and forces are derivatives by the velocities then.
+    In an airspeed the disc rests tilted: the moments and forces of that tilt are added to the
+    derivatives by the velocities, and what the file has no place for is left out.
     """
     tilts, ways = ([k for k, name in enumerate(states) if name in of] for of in ("ab", "uv"))
     if not np.any(a[np.ix_(tilts, ways)]):

@@ -147,8 +147,8 @@ def tilt_by_flight(par, main, held, ahead, right, across, aft):
 def skewed_slopes(par, main, ahead, right):
     """Return the quasi-steady excess of downflow at the right and rear tip, over the tip speed.
 
-    What dynamic inflow settles at where the hub has no moment: tan(chi / 2) of the mean, 15 pi / 32
-    times (Pitt and Peters), linear in the advance ratio at the hover.
+    Dynamic inflow comes to rest there if the hub has no moment: the mean times tan(chi / 2) times
+    `main_rotor.inflow_skew`, 15 pi / 32 by Pitt and Peters. It is linear in mu at the hover.
     """
     behind = wake(main.induced, main.climb, main.advance, ahead, right)
     slope = par[PARAM.inflow_skew] * par[PARAM.flap_back] * main.induced

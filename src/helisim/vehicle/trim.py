@@ -84,7 +84,7 @@ LOAD, HOOK = f"{SLUNG}load", f"{SLUNG}hook"
 
 
 def own_parts(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which bodies, (n_body,), don't swing below a vehicle as a slung load does."""
+    """Return which bodies, (n_body,), are the vehicle's own and not a slung load's."""
     own = np.array([not model.body(k).name.startswith(SLUNG) for k in range(model.nbody)])
     return own | (model.body_weldid == root_body(model))
 
