@@ -94,7 +94,12 @@ _HELI = (
         "pitch was swept, roll wasn't: its controller's answer is in the fit; sweep it too "
         "(SID_AXIS 10)",
     ),
-    ("yaw_base", ("ped",), ("r",), "yaw was swept"),
+    (
+        "yaw_base",
+        ("ped",),
+        ("r",),
+        "yaw was swept; without sideslip, which it leaves out, N_r can be a quarter too large",
+    ),
     ("heave_imu", ("col",), ("az",), "thrust was swept"),
 )
 _OTHERS = (
