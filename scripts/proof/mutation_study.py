@@ -34,9 +34,6 @@ from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-AREAS = {name: (name,) for name in ("physics", "ident", "logs")}
-AREAS["control"] = ("handling", "design")
-"""The packages of each area."""
 TESTS = {
     "physics": (
         "tests/physics",
@@ -55,9 +52,14 @@ TESTS = {
         "tests/records/test_quality.py",
         "tests/recovery/test_verify_unstable.py",
     ),
-    "control": ("tests/handling", "tests/design", "tests/laws", "tests/base"),
+    "design": ("tests/design", "tests/laws"),
+    "handling": ("tests/handling",),
     "logs": ("tests/logs",),
+    "look": ("tests/look",),
+    "sim": ("tests/sim", "tests/verification/test_energy.py", "tests/cli/test_refusals.py"),
+    "sitl": ("tests/sitl", "tests/cli/test_refusals.py"),
 }
+"""The tests of each package that mutants of it meet."""
 LIBRARIES = (
     *("control", "hypothesis", "matplotlib.pyplot", "mujoco.batch", "mujoco.rollout", "numba"),
     *("pyarrow.parquet", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats"),
@@ -194,8 +196,9 @@ class Baseline:
         import coverage
         import pytest
 
-        own = [f"*/helisim/{package}/*" for package in AREAS[area]]
-        measured = coverage.Coverage(data_file=None, include=own, config_file=False)
+        measured = coverage.Coverage(
+            data_file=None, include=[f"*/helisim/{area}/*"], config_file=False
+        )
         measured.start()
         times = Times(measured)
         options = ["-q", "-n0", "-m", "not slow and not study", *TESTS[area]]
@@ -299,7 +302,7 @@ def main() -> int:
 def study(root: Path, options: argparse.Namespace) -> int:
     """Try the sampled mutants in a copy of the checkout."""
     source = root / "src" / "helisim"
-    files = sorted(path for one in AREAS[options.area] for path in (source / one).rglob("*.py"))
+    files = sorted((source / options.area).rglob("*.py"))
     files = [path for path in files if path.name != "kernel.py"]
     if options.only:
         files = [path for path in files if path.stem in options.only.split(",")]

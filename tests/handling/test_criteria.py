@@ -137,6 +137,7 @@ def test_a_scaled_criterion_rates_a_scaled_loop_alike():
         (lambda: Limit(3.0, 3.0), "can't end at the same value, 3"),
         (lambda: Limit(np.inf, 3.0), "finite"),
         (lambda: criteria.StabilityMargins(axis="rol"), "did you mean roll"),
+        (lambda: criteria.StabilityMargins(axis=""), "unknown axis"),
         (lambda: criteria.AttitudeBandwidth(axis="lat", task="otter"), "did you mean other"),
         (lambda: criteria.AttitudeBandwidth(axis="col"), "no bandwidth of heave"),
         (lambda: criteria.AttitudeQuickness(axis="col"), "no quickness of heave"),
@@ -223,11 +224,16 @@ QUICKNESS = {  # change of attitude, deg, where Levels 1 and 2 end, 1/s
 
 @pytest.mark.parametrize("axis", QUICKNESS)
 def test_quickness_ends_where_the_digitised_figure_does(axis):
-    """Points of Prencipe's lines, most between those taken over: 0.02 1/s, and half a digit."""
+    """Points of Prencipe's lines, most between those taken over: to 0.008 1/s.
+
+    Between 38 and 50 degrees of roll Level 2 bends, by 0.024 1/s in the middle.
+    """
     asked = criteria.AttitudeQuickness(axis=axis)
     for degrees, *levels in QUICKNESS[axis]:
         found = replace(asked, change=np.radians(degrees)).limits["quickness"]
-        np.testing.assert_allclose((found.level1, found.level2), levels, atol=0.025)
+        assert found.level1 == pytest.approx(levels[0], abs=0.008)
+        bends = (axis, degrees) == ("roll", 44.0)
+        assert found.level2 == pytest.approx(levels[1], abs=0.025 if bends else 0.008)
     assert asked.change == np.radians(20.0)
 
 

@@ -75,7 +75,9 @@ def test_what_is_no_curve_is_refused():
 @pytest.mark.parametrize("gain", [1e-3, 0.1, 0.5, 30.0, 1e4])
 def test_a_crossover_beyond_the_band_is_continued(gain):
     """K/s has its crossover at K, inside of the band and outside."""
-    assert margins(curve(gain / S)).crossover == pytest.approx(gain, rel=1e-9)
+    found = margins(curve(gain / S))
+    assert found.crossover == pytest.approx(gain, rel=1e-9)
+    assert found.least_gain == 60.0  # dB, the most that is told
 
 
 @pytest.mark.parametrize("delay", [0.004, 0.008, 0.0104, 0.0106, 0.013])

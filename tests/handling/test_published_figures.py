@@ -176,6 +176,17 @@ def test_a_change_by_rate_command_is_a_pulse_as_wide_as_it_needs():
     assert small.peak == pytest.approx(0.01 * angle[-1], rel=1e-6)
 
 
+@pytest.mark.parametrize("drift", [0.0995, 0.1005])
+def test_an_attitude_runs_on_from_a_tenth_of_its_peak_rate(drift):
+    """It rises by 1 rad in a second, and then drifts: answered by a step, or by a pulse."""
+    time = np.linspace(0.0, 4.0, 101)
+    angle = np.minimum(time, 1.0) + drift * np.maximum(time - 1.0, 0.0)
+    rate = np.where(time < 0.99, 1.0, drift)
+    found = changed(time, angle, rate, change=0.5)
+    steps = 1.0 / (1.0 + 3.0 * drift)
+    assert found.ratio == pytest.approx(steps if drift < 0.1 else 1.0 / 0.5, rel=1e-5)
+
+
 @pytest.mark.parametrize(("omega", "zeta", "delay"), [(4.0, 0.7, 0.05), (8.0, 1.0, 0.1)])
 @pytest.mark.parametrize("integral", [False, True])
 def test_bandwidth_is_where_the_phase_is_in_closed_form(omega, zeta, delay, integral):
@@ -201,6 +212,32 @@ def test_bandwidth_is_where_the_phase_is_in_closed_form(omega, zeta, delay, inte
     assert found.gain == pytest.approx(double, rel=1e-3)
     assert found.delay == pytest.approx(-(phase(2.0 * neutral) + np.pi) / (2.0 * neutral), rel=1e-3)
     assert found.rate == min(found.phase, found.gain)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "complete"),
+    [
+        (0.5, 60.0, True),
+        (0.5, 15.0, False),
+        (0.5, 7.0, False),
+        (0.5, 2.0, False),
+        (8.5, 60.0, False),
+    ],
+)
+def test_bandwidth_is_continued_by_a_radian_and_20_db(low, high, complete):
+    """A phase that falls by 1 rad, a gain by 20 dB a decade, are the same beyond any band.
+
+    -180 deg at 10 rad/s, -135 deg at exp(-pi / 4) of it, twice the gain there, or at the band's
+    end, at half. Of -180 deg to its double, or of the band's last third, the lag is a logarithm.
+    """
+    own = np.geomspace(low, high, 400)
+    found = bandwidth(Curve(own, np.exp(-1j * (np.pi + np.log(own / 10.0))) / own))
+    assert (found.neutral, found.gain) == pytest.approx((10.0, 0.5 * min(high, 10.0)), rel=1e-6)
+    assert found.phase == pytest.approx(10.0 * np.exp(-0.25 * np.pi), rel=1e-6)
+    ends = min(10.0, min(high, 20.0) / 1.5), min(high, 20.0)
+    lag = 0.5 * np.log(ends[1] / ends[0]) / (ends[1] - ends[0])
+    assert found.delay == pytest.approx(lag, rel=1e-6)
+    assert found.complete == complete
 
 
 @pytest.mark.parametrize("zeta", [0.3, 0.7])

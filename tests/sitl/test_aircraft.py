@@ -1,6 +1,7 @@
 """A vehicle that stands on the ground is flown by pulses, and tells what its IMU feels."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim import Ground, Weather
-from helisim.sitl.aircraft import Aircraft
+from helisim.sitl.aircraft import Aircraft, _steps
 from helisim.vehicle.trim import Motion, addresses, write_motion
 
 LOW = [1234, 1234, 1234, 1500, 0, 0, 0, 1000, *[0] * 8]
@@ -104,6 +105,24 @@ def test_pulses_act_from_the_answer_before_them_on(falling):
     assert np.abs(found - step).max() < 1e-6
 
 
+def test_an_ideal_governor_spools_up_within_12_s_and_down_likewise():
+    aircraft = Aircraft("jr700", motor=False)
+    for pulses, speed in ((SPOOLED, 0.06), (LOW, 0.03)):
+        held(aircraft, 0.72 if pulses is SPOOLED else 0.36, pulses)
+        assert aircraft.rotor_speed == pytest.approx(speed, rel=1e-6)
+
+
+@pytest.mark.parametrize("tick", [1000, 1250, 2500, 4000, 400])
+@pytest.mark.parametrize("longest", [250, 300, 1000, 2000])
+def test_time_steps_are_the_longest_that_fit_a_frame_and_the_gyros_tick(tick, longest):
+    vehicle = SimpleNamespace(
+        parameters={"gyro.period": 1e-6 * tick},
+        model=SimpleNamespace(opt=SimpleNamespace(timestep=1e-6 * longest)),
+    )
+    fits = (n for n in range(1, 100) if n * tick % 1000 == 0 and n * longest >= 1000)
+    assert _steps(vehicle) == next(fits)
+
+
 @pytest.mark.slow
 def test_it_spools_up_without_turning_and_runs_down_and_without_a_motor_follows_slowly():
     aircraft = Aircraft("jr700")
@@ -170,6 +189,12 @@ def test_a_record_says_what_flew():
     assert record["servo_front"][-1] == pytest.approx(0.75 * (1234 - 1500) / 500, abs=1e-6)
     assert record.provenance["autopilot"] == {"rate_hz": 1000.0}
     assert record.ended == ""
+    aircraft.reset()
+    held(aircraft, 0.115, SPOOLED)
+    with pytest.raises(InputError, match=r"0\.116 s is no record: fly 0\.12 s"):
+        aircraft.record()
+    held(aircraft, 0.001, SPOOLED)
+    assert len(aircraft.record()) == 12  # from 0 to 0.11 s
     with pytest.raises(InputError, match="recorded=True"):
         Aircraft("jr700").record()
 

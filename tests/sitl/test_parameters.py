@@ -9,7 +9,15 @@ import helisim as hs
 from helisim.base.errors import InputError
 from helisim.handling.figures import margins as margins_of
 from helisim.handling.figures import rejection as rejection_of
-from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, tune
+from helisim.sitl.gains import (
+    _BAND,
+    LEAST_GAIN,
+    LEAST_PHASE,
+    MOST_PEAK,
+    Commanded,
+    _clear,
+    tune,
+)
 from helisim.sitl.mixing import Mixer, Outputs, command_scale
 from helisim.sitl.parameters import Setting, swashplate, tail
 from helisim.vehicle.parameters import model_folder
@@ -112,6 +120,41 @@ class Heave(Gain):
     """The same of w over col."""
 
     inputs, outputs = ("col",), ("w", "az")
+
+
+def test_commands_act_when_their_pulses_do():
+    """Half a tick of 2.5 ms that holds them, 0.25 ms to the next frame, of the tail a tick more."""
+    frequency = np.array([1.0, 30.0])
+    for held, seconds in ((True, 0.01 + 1.5 * 0.0025 + 0.25e-3), (False, 0.01)):
+        found = Commanded(Gain(), np.diag([1.0, 1.0, 1.0, 2.0]), 0.01, held).response(frequency)
+        late = 2.0 * Gain().response(frequency) * np.exp(-1j * frequency * seconds)
+        np.testing.assert_allclose(found, late, rtol=1e-12)
+
+
+def test_gains_are_allowed_where_the_closed_loop_is_stable_with_room():
+    """Of k (s + z) e^-sT / (s (s + a) (s + b)), a of either sign: roots with Pade's delay, margins.
+
+    A loop less than 2 % off a bound is neither: the box of gain and phase, as lines over a grid.
+    """
+    random, s, counts = np.random.default_rng(1), 1j * _BAND, [0, 0]
+    for _ in range(900):
+        k, z, b = 10.0 ** random.uniform([-0.5, -0.5, 0.5], [2.5, 1.0, 2.0])
+        a, late = random.uniform([-0.5, 0.002], [3.0, 0.03])
+        loop = k * (s + z) * np.exp(-s * late) / (s * (s + a) * (s + b))
+        pade, back = np.array([late**2 / 12.0, -late / 2.0, 1.0]), [late**2 / 12.0, late / 2.0, 1.0]
+        closed = np.polymul([1.0, a + b, a * b, 0.0], back)
+        closed = np.polyadd(closed, k * np.polymul([1.0, z], pade))
+        behind, size = np.abs(np.angle(-loop)), 20.0 * np.log10(np.abs(loop))
+        box = np.maximum(np.abs(size) / 8.0, behind / np.radians(50.0)).min()
+        peak = -20.0 * np.log10(np.abs(1.0 + loop).min())
+        first = loop[np.argmax(_BAND >= 2.0)]
+        stable = bool(np.all(np.roots(closed).real < 0.0))
+        (found,) = _clear(loop[None])
+        inside = min(box, 4.5 / max(peak, 1e-3), abs(first), 2.0 if first.imag < 0.0 else 0.0)
+        if abs(inside - 1.0) > 0.02:
+            assert found == (stable and inside > 1.0), (k, z, a, b, late)
+            counts[int(found)] += 1
+    assert min(counts) > 30
 
 
 def test_feed_forward_is_the_inverse_of_a_steady_rate():

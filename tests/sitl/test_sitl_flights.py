@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from autopilot_logs import Log
 from helisim.base.errors import AutopilotError, InputError
 from helisim.cli import main
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
@@ -42,6 +43,19 @@ sender.recv(4096)
 print("it hurts")
 sys.exit(7)
 """
+FLIES = """
+written = open("logs/00000002.BIN", "wb", buffering=0)
+whole, told = {log!r}, open({told!r}, "w", buffering=1)
+send(b"here I am", telemetry)
+for count in range(10_000):
+    if count in (0, 300, 600):
+        third = len(whole) // 3 + 1
+        written.write(whole[third * (count // 300):][:third])
+    send(struct.pack("<HHI16H", 18458, 1000, count, *[1000] * 16), frames)
+    while (data := sender.recv(4096))[:1] == b"\\xfd":
+        if data[7] == 70:  # RC_CHANNELS_OVERRIDE of MAVLink 2
+            told.write(str(count) + " ")
+"""
 
 
 def fake(tmp_path, rest):
@@ -56,9 +70,13 @@ class Still:
 
     crashed = ""
     time = 0.0
-    sensed = Sensed(0.0, *np.zeros((4, 3)), np.array([1.0, 0.0, 0.0, 0.0]))
+
+    @property
+    def sensed(self):
+        return Sensed(self.time, *np.zeros((4, 3)), np.array([1.0, 0.0, 0.0, 0.0]))
 
     def step(self, pulses):
+        self.time += 0.005
         return self.sensed
 
 
@@ -84,6 +102,45 @@ def test_program_that_ends_in_flight_or_is_none_is_told_at_once(tmp_path):
     none.chmod(0o755)
     with pytest.raises(InputError, match=r"can't be started.*No such file"):
         Autopilot(none, "")
+
+
+def test_a_script_flies_until_its_log_is_whole(tmp_path):
+    """Frames of 5 ms: a step each 0.01 s, sticks each 0.05 s, 4 s without growth after 600."""
+    log = Log()
+    log.define(3, "DSF", "QII", "TimeUS,Dp,Blk")
+    for lost in (0, 7):
+        log.write(3, 0, lost, 1)
+    told, kept = tmp_path / "told", tmp_path / "kept.bin"
+    rest = FLIES.replace("{log!r}", repr(log.data)).replace("{told!r}", repr(str(told)))
+    steps, seen = [], []
+
+    def script(pilot):
+        for step in pilot.wait(2.0):
+            steps.append(pilot.time)
+            yield step
+
+    flight = fly_script(
+        script,
+        Still(),
+        fake(tmp_path, rest),
+        "",
+        log=kept,
+        on_frame=lambda frame, sensed: seen.append(sensed.time),
+    )
+    assert kept.read_bytes() == log.data
+    assert flight.lost == 7
+    assert np.diff(steps)[1:] == pytest.approx(0.01)  # the first is at the first frame, 5 ms
+    assert steps[-1] == pytest.approx(2.0, abs=0.02)
+    assert seen[-1] == pytest.approx(3.0 + 4.0, abs=0.03)
+    assert flight.served.frames == len(seen)
+    heard = np.array(told.read_text().split(), float)
+    assert np.diff(heard)[1:] == pytest.approx(10.0)
+    with pytest.raises(AutopilotError, match=r"ended from outside at 0\.0 s"):
+        fly_script(script, Still(), fake(tmp_path, rest), "", on_frame=lambda *_: True)
+    struck = Still()
+    struck.crashed = "a wall"
+    with pytest.raises(AutopilotError, match=r"crashed at 0\.0 s: a wall"):
+        fly_script(script, struck, fake(tmp_path, rest), "")
 
 
 def test_sweeps_have_ardupilots_numbers_and_own_scripts_are_generators_called_fly(tmp_path):
