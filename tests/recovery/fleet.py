@@ -13,8 +13,7 @@ from closed_loop import Aircraft, Rig, Sweep, quadratic_gain, swept
 def boeing_747() -> Aircraft:
     """Yaw damper and wing leveller, as the aircraft flies with; 400 s a sweep for 1 rad/s."""
     rig = Rig(
-        published.boeing_747(),
-        published.BOEING_747,
+        *published.printed("boeing_747"),
         np.array([[0.0, -1.5, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]),
         rate=50,
         keep=1,

@@ -12,7 +12,7 @@ from helisim.ident.evaluate import linear
 
 def test_the_747_is_the_examples():
     """The transcribed 747 has the damping that the example finds for its two yaw dampers."""
-    model = linear(published.boeing_747(), published.BOEING_747)
+    model = linear(*published.printed("boeing_747"))
     a, b = model.a, model.b[:, :1]
     yaw_rate = np.eye(4)[[1]]
     # "lightly damped Dutch roll mode (1 rad/sec)", damping below 0.05
@@ -54,7 +54,7 @@ def test_the_f_16_in_radians_is_the_one_in_degrees():
             [0.0, 0.0, 0.0, 0.0, 0.0, -20.2],
         ]
     )
-    model = linear(published.f_16_structure(), published.F_16)
+    model = linear(*published.printed("f_16"))
     assert_same_poles(model.poles, np.linalg.eigvals(a))
     degrees = 180.0 / np.pi
     washed = np.zeros((7, 7))
@@ -72,7 +72,7 @@ def test_the_f_16_in_radians_is_the_one_in_degrees():
 def test_the_lynx_in_metres_is_the_one_in_feet():
     """The change of units and the split in free and held entries leave the eigenvalues alone."""
     structure, truth = published.lynx()
-    expected = np.linalg.eigvals(np.array(published.LYNX_A_FEET, dtype=float))
+    expected = np.linalg.eigvals(np.array(published.PRINTED["lynx"]["a_feet"]))
     found = linear(structure, truth).poles
     assert_same_poles(found, expected)
 
