@@ -32,6 +32,9 @@ def test_a_real_log_s_pulses_are_repeated(parameters, lat, lon, ped, col, pulses
     exact = Mixer(parameters).exact({"lat": lat, "lon": lon, "ped": ped, "col": col})
     assert [int(exact[channel]) for channel in (1, 2, 3)] == list(pulses[:3])
     assert abs(exact[4] - pulses[3]) < 1.2  # the yaw command is cut too, to 1 of 4500
+    if parameters is EQUAL:  # as three servos stand that say nothing (H_SW_H3_SV1_POS: -60, ...)
+        anywhere = Mixer({**EQUAL, "H_SW_TYPE": 0.0}).exact({"lat": lat, "lon": lon, "col": col})
+        assert [anywhere[k] for k in (1, 2, 3)] == pytest.approx([exact[k] for k in (1, 2, 3)])
 
 
 def test_servos_at_their_azimuths_turn_roll_into_lat_alone():

@@ -7,7 +7,7 @@ import pytest
 
 from helisim.base.errors import AutopilotError, UnknownNameError
 from helisim.sim.weather import Weather
-from helisim.sitl.pilot import Hold, Pilot, Sticks, Telemetry
+from helisim.sitl.pilot import MODES, Hold, Pilot, Sticks, Telemetry
 from helisim.sitl.systemid import Sweep, fly_sweep, fly_sweeps
 
 pytest.importorskip("pymavlink", reason="a ground station speaks by pymavlink")
@@ -102,6 +102,12 @@ def test_a_rotor_in_gusts_need_not_stand_still(weather, turns):
 def test_sticks_are_pulses_in_ardupilots_order(sticks, pulses):
     """Channels 1 to 4 are roll, pitch, throttle, yaw (ArduPilot's RCMAP), 8 the interlock."""
     assert sticks.pulses == pulses
+
+
+def test_modes_are_those_of_pymavlinks_own_list():
+    from pymavlink.mavutil import mode_mapping_acm
+
+    assert {mode_mapping_acm[number].lower(): number for number in MODES.values()} == MODES
 
 
 @pytest.mark.parametrize(

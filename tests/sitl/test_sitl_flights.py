@@ -33,6 +33,7 @@ send = lambda data, port: sender.sendto(data, ("127.0.0.1", port))
 {rest}
 """
 GREETS = """
+open("given", "w").write(" ".join(sys.argv))
 send(struct.pack("<HHI16H", 18458, 1000, 0, *[1000] * 16), frames)
 send(open("start.parm").read().encode(), telemetry)
 sender.recv(1)
@@ -88,8 +89,11 @@ def test_program_is_started_in_a_folder_of_its_own(tmp_path):
         autopilot.check()
         autopilot.keep_log(tmp_path / "kept.bin")
         folder = autopilot.folder
+        given = (folder / "given").read_text().split()
     assert (tmp_path / "kept.bin").read_bytes() == b"log"
     assert not folder.exists()
+    # ArduPilot's ports: 0 tells, 3 and 4 are the GPSs', the others would listen on all addresses
+    assert {given[given.index(f"--serial{k}") + 1] for k in (1, 2, 5, 6, 7, 8)} == {"none:"}
 
 
 def test_program_that_ends_in_flight_or_is_none_is_told_at_once(tmp_path):
