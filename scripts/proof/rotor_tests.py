@@ -13,6 +13,10 @@ compressibility, and as they were without (one drag coefficient at any lift, Mac
   coefficient is 0.012 (Wheatley, NACA Rep. 487), here as c_d0 and rise. The hub's drag is in it.
 - Prouty, Helicopter Performance, Stability and Control: table 3.3 at 115.5 kn and figure 1.45,
   NACA 0012; a calculation.
+- The wake: dynamic pressure below a hovering rotor over the disc's load (Boatwright, his figure
+  4.6), wash at the tail of his helicopter (Heyson and Katzoff's survey, 8.11), and what his tables
+  8.5 and 8.11 have of its surfaces at 115 kn. Before, the load was uniform, the hover's wake had
+  momentum theory's edge, 0.71 radii, and surfaces the free stream's pressure.
 
 The measured numbers are in rotor_tests.toml.
 
@@ -31,11 +35,14 @@ from scipy.optimize import brentq, root
 
 from helisim.base.files import read_toml
 from helisim.physics.flapping import coning, flap_back
+from helisim.physics.flow import fin, tailplane, wash_share
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import drag_rise, main_rotor, normal
+from helisim.vehicle.assembly import downwash, loaded_downwash, wash_coefficients
 
-TABLES = read_toml(Path(__file__).with_suffix(".toml"))["table"]
+PRINTED = read_toml(Path(__file__).with_suffix(".toml"))
+TABLES, WAKE = PRINTED["table"], PRINTED["wake"]
 DENSITY, SPEED = 1.225, 100.0  # of no matter: all is over them, and the radius is 1 m
 RISE = {"model": 1.25 / 5.75**2, "full": 0.4 / 5.73**2}
 """Of c_d by c_l^2: Knight and Hefner's, Bailey's."""
@@ -104,10 +111,6 @@ class Row(NamedTuple):
     @property
     def off(self) -> float:
         return self.found / self.printed - 1.0
-
-    @property
-    def off_before(self) -> float:
-        return self.before / self.printed - 1.0
 
 
 STILL = 0.05 * 0.0106 / 8.0  # CQ at no thrust of Castles and Gray's rotor
@@ -194,18 +197,44 @@ def prouty() -> Iterator[Row]:
     yield Row("Prouty", "750 ft/s, mu 0.3: rise of CQ/sigma", 0.0043 * mach**3, torque / 8.0, 0.0)
 
 
+def wake() -> Iterator[Row]:
+    for at, printed in WAKE["below"]:
+        found = 0.25 * float(loaded_downwash(at, 0.3, 0.0, radius=0.85, core=0.05)) ** 2
+        before = 0.25 * float(downwash(at, 0.3, 0.0, radius=math.sqrt(0.5), core=0.05)) ** 2
+        yield Row("Boatwright", f"0.3 R below, {at} R: q / load", printed, found, before)
+    ratio, speed = WAKE["induced"], math.sqrt(2.0 * WAKE["pressure"] / WAKE["density"])
+    skew = math.atan2(1.0, math.tan(LEAN) + ratio)
+    numbers = np.array(wash_coefficients(*WAKE["place"]))
+    share = wash_share(numbers, 0, math.cos(skew), math.sin(skew) ** 2)
+    even = float(downwash(*WAKE["place"], skew, core=0.05))
+    yield Row("Heyson and Katzoff", "1.08 R behind: wash over v", 1.5, share, even)
+    par = np.zeros(len(PARAM))
+    par[PARAM.air_density] = WAKE["density"]
+    for name, value in WAKE["par"].items():
+        par[getattr(PARAM, name)] = value
+    level = Velocities(speed, 0.0, speed * WAKE["pitch"], 0.0, 0.0, 0.0)
+    aside = Velocities(speed, 0.01 * speed, 0.0, 0.0, 0.0, 0.0)
+    forces = []
+    for par[PARAM.fin_pressure] in (0.6, 1.0):
+        par[PARAM.tailplane_pressure] = par[PARAM.fin_pressure]
+        lift = -tailplane(par, level, share * ratio * speed).fz
+        forces.append((lift, 100.0 * fin(par, aside, 0.0).fy))
+    lifts, slopes = zip(*forces)
+    yield Row("Prouty, ch. 8", "115 kn: tailplane's lift, lb", -273.0, *lifts)
+    yield Row("Prouty, ch. 8", "115 kn: fin, lb by rad of sideslip", -2833.0, *slopes)
+
+
 def rows() -> tuple[Row, ...]:
-    return (*measured(), *prouty())
+    return (*measured(), *prouty(), *wake())
 
 
 def main() -> None:
     head = f"{'source':<19}{'figure':<38}{'printed':>10}"
     print(head + f"{'model':>10}{'off, %':>8}{'before':>10}{'off, %':>8}")
     for row in rows():
-        print(
-            f"{row.source:<19}{row.what:<38}{row.printed:>10.4g}{row.found:>10.4g}"
-            f"{100.0 * row.off:>8.1f}{row.before:>10.4g}{100.0 * row.off_before:>8.1f}"
-        )
+        found, before = (100.0 * one / row.printed - 100.0 for one in (row.found, row.before))
+        line = f"{row.source:<19}{row.what:<38}{row.printed:>10.4g}{row.found:>10.4g}{found:>8.1f}"
+        print(f"{line}{row.before:>10.4g}{before:>8.1f}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
-from helisim.vehicle.assembly import downwash, wash_coefficients
+from helisim.vehicle.assembly import downwash, loaded_downwash, wash_coefficients
 from quasi_steady import drag_torque
 
 TIP = 136.5
@@ -32,6 +32,14 @@ def test_over_the_disc_it_rises_as_coleman_found(skew):
     assert downwash(0.0, 0.0, skew) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("depth", [0.0, 30.0])
+def test_in_a_hovers_wake_each_radius_has_its_own_load(depth):
+    """The load itself at the disc, twice that far below: tubes' steps add up to it."""
+    radii = np.array([0.1, 0.4, 0.7, 0.9])
+    wash = loaded_downwash(radii, depth, 0.0) / (1.0 + (depth > 0.0))
+    assert wash == pytest.approx(0.75 + 0.375 * radii, abs=0.03)  # ten steps of 0.0375
+
+
 def test_far_behind_a_fast_rotor():
     """Twice the disc's, as behind a wing: between the two halves of the tube."""
     tilt = 0.01
@@ -48,8 +56,8 @@ def test_the_polynomial_is_the_integrals(place):
     found += np.sin(skews) ** 2 * np.polyval(polynomial[::-1], cosine)
     shares = [wash_share(par, 0, math.cos(skew), math.sin(skew) ** 2) for skew in skews]
     assert shares == pytest.approx(found, rel=1e-12, abs=1e-12)
-    tube = (1.0 + 3.0 * np.maximum(cosine, 0.0) ** 2) ** -0.25
-    expected = downwash(*place, skews, radius=tube, core=0.1)
+    tube = (1.0 + (0.85**-4 - 1.0) * np.maximum(cosine, 0.0) ** 2) ** -0.25
+    expected = loaded_downwash(*place, skews, radius=tube, core=0.1)
     off = np.abs(found - expected)
     edge = np.abs(np.gradient(expected, skews)) > 1.5  # 1/rad
     assert off[~edge].max() < 0.3
@@ -142,6 +150,16 @@ def test_drag_behind_the_centre_turns_into_the_wind(par):
     loads = np.array(fuselage(par, Velocities(10.0, 2.0, 3.0, 0.0, 0.0, 0.0), 0.0))
     assert loads[3:] == pytest.approx(np.cross([-0.1, 0.0, 0.05], loads[:3]))
     assert loads[5] > 0.0 > loads[4]
+
+
+def test_hub_and_fuselage_take_pressure_from_what_is_behind_them(par):
+    """All of it in flow from ahead, by its part in other flow, none from aside and behind."""
+    par[PARAM.fin_area] = 0.01
+    for u, v, left in ((20.0, 1e-3, 0.6), (10.0, 10.0, 0.8), (0.0, 10.0, 1.0), (-10.0, 5.0, 1.0)):
+        forces = []
+        for par[PARAM.fin_pressure] in (1.0, 0.6):
+            forces.append(fin(par, Velocities(u, v, 0.0, 0.0, 0.0, 0.0), 0.0).fy)
+        assert forces[1] / forces[0] == pytest.approx(left, rel=1e-6)
 
 
 def test_a_fin_can_push(par):

@@ -146,6 +146,17 @@ def normal_force(density, area, slope, greatest, square, normal):
 
 
 @kernel()
+def pressed(density, pressure, ahead, square):
+    """Return the density that makes up for the dynamic pressure lost behind hub and fuselage.
+
+    pressure: share left in flow from ahead (Prouty, ch. 8); ahead: m/s; square: airspeed squared.
+    """
+    if ahead <= 0.0 or square < _STILL:
+        return density
+    return density * (1.0 - (1.0 - pressure) * ahead**2 / square)
+
+
+@kernel()
 def fin(par, motion, wash):
     """Return the wrench of the vertical fin."""
     x, z = par[PARAM.fin_x], par[PARAM.fin_z]
@@ -153,12 +164,13 @@ def fin(par, motion, wash):
     v = motion.v + motion.r * x - motion.p * z
     w = motion.w - motion.q * x - wash
     cosine, sine = par[PARAM.fin_cosine], par[PARAM.fin_sine]
+    square = u**2 + v**2 + w**2
     force = normal_force(
-        par[PARAM.air_density],
+        pressed(par[PARAM.air_density], par[PARAM.fin_pressure], u, square),
         par[PARAM.fin_area],
         par[PARAM.fin_slope],
         par[PARAM.fin_stall],
-        u**2 + v**2 + w**2,
+        square,
         u * sine + v * cosine,
     )
     fx, fy = force * sine, force * cosine
@@ -175,12 +187,13 @@ def tailplane(par, motion, wash):
     v = motion.v + motion.r * x - motion.p * z
     w = motion.w - motion.q * x - wash
     cosine, sine = par[PARAM.tailplane_cosine], par[PARAM.tailplane_sine]
+    square = u**2 + v**2 + w**2
     force = normal_force(
-        par[PARAM.air_density],
+        pressed(par[PARAM.air_density], par[PARAM.tailplane_pressure], u, square),
         par[PARAM.tailplane_area],
         par[PARAM.tailplane_slope],
         par[PARAM.tailplane_stall],
-        u**2 + v**2 + w**2,
+        square,
         u * sine + w * cosine,
     )
     fx, fz = force * sine, force * cosine

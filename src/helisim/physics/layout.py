@@ -34,8 +34,9 @@ ParamIndex = namedtuple(
     "drag_x drag_y drag_z drag_centre_x drag_centre_z pitch_volume pitch_zero yaw_volume "
     "download "
     # fin and tailplane
-    "fin_area fin_x fin_z fin_stall fin_slope fin_cosine fin_sine tailplane_area tailplane_x "
-    "tailplane_z tailplane_stall tailplane_slope tailplane_cosine tailplane_sine "
+    "fin_area fin_x fin_z fin_stall fin_pressure fin_slope fin_cosine fin_sine tailplane_area "
+    "tailplane_x tailplane_z tailplane_stall tailplane_pressure tailplane_slope "
+    "tailplane_cosine tailplane_sine "
     # the main rotor's wash at tail rotor and fin, and at the tailplane, of `WASH` numbers each
     "tail_wash tail_wash_1 tail_wash_2 tail_wash_3 tail_wash_4 tail_wash_5 tail_wash_6 "
     "tail_wash_7 tailplane_wash tailplane_wash_1 tailplane_wash_2 tailplane_wash_3 "

@@ -12,7 +12,7 @@ from helisim.sim.missions.mission import Mission, Start
 
 _LOWEST, _WINDMILL, _SPEED_GAIN = -0.49, -0.46, 1.6
 """Collective stick, unitised: its floor and middle in a descent, and its gain on rotor speed."""
-_SLOWING, _BRAKING = 6.5, 8.5
+_SLOWING, _BRAKING = 6.8, 8.5
 """m/s^2, at most, of the descent's end and of the speed's."""
 _RUN, _SINK = 0.5, 0.4  # m/s, over the ground and downwards, with which it is to touch down
 _LAST = 0.1  # m, of clearance below which no height is left to slow down in
