@@ -34,7 +34,7 @@ def wrench(par, act, motion, speed_ratio=1.0):
     motion = Velocities(*motion)
     wake = wash(par, motion, main, speed_ratio)
     tail = tail_rotor.tail_rotor(par, motion, speed_ratio, pedal, wake.tail)
-    flow = Flow(motion, motion, speed_ratio, main, tail, wake, CALM, 0.0)
+    flow = Flow(motion, motion, speed_ratio, main, tail, wake, CALM, 0.0, speed_ratio)
     return np.array(loads.wrench(par, a, b, flow, main.torque))
 
 

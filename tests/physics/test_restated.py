@@ -17,7 +17,7 @@ from helisim.physics.native import installed
 from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
 
 STEP = 0.002
-ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.governor + 1])
+ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.warming + 1])
 RATES = np.roll(ROTOR, STATE.flap_a_rate - STATE.flap_a)
 """Which activations are the rotor's states, and which keep their rates."""
 
@@ -213,7 +213,7 @@ def test_a_held_evaluation_is_the_mean_over_the_step(altered, case):
 @pytest.mark.parametrize("case", ["calm", "wind"])
 def test_a_held_tilt_is_that_of_the_steps_middle(altered, case):
     """With Euler: the implicit midpoint, the collective where its servos will be in half a step."""
-    model, data, now = moment(altered, CASES[case], 4, integrator="Euler")
+    model, data, now = moment(altered, CASES[case], 9, integrator="Euler")
     state = addresses(model).state
     tilt = slice(state + STATE.flap_a, state + STATE.flap_b + 1)
     continuous = copy.copy(model)

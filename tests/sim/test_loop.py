@@ -61,7 +61,7 @@ def final_state(timestep, *, pilot):
     with installed():
         for _ in range(round(0.6 / timestep)):
             mujoco.mj_step(model, data)
-    kept = addresses(model).state + np.r_[STATE.flap_a_rate : STATE.governor_rate + 1]
+    kept = addresses(model).state + np.r_[STATE.flap_a_rate : STATE.warming_rate + 1]
     return np.concatenate([data.qpos, data.qvel, np.delete(data.act, kept)])
 
 

@@ -68,6 +68,8 @@ def test_turning_freely_it_feels_the_way_to_its_centre(falling):
     """Away from the centre of gravity by r, turning at w about a principal axis: w x (w x r)."""
     spin = np.array([0.0, 0.0, 3.0])
     write_motion(falling.model, falling.data, Motion(r=3.0, down=-20.0))
+    turned = 3.0 / falling.vehicle.parameters["main_rotor.speed"]  # of the blades, with the body
+    falling.data.act[addresses(falling.model).state + STATE.speed] = turned
     sensed = held(falling, 0.001)
     arm = np.array(falling.vehicle.imu_offset)
     assert np.linalg.norm(arm[:2]) > 0.01

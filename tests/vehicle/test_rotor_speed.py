@@ -39,12 +39,13 @@ def largest_difference(name, response, low, high):
 @pytest.mark.parametrize(
     ("response", "band", "most"),
     [
-        ("w/col", (3.0, 100.0), 0.0125),
-        ("p/lat", (3.0, 100.0), 1e-4),
-        ("q/lon", (3.0, 100.0), 1e-4),
-        ("r/ped", (3.0, 10.0), 0.025),
-        ("r/ped", (10.0, 30.0), 0.065),
-        ("r/ped", (30.0, 100.0), 0.095),
+        ("w/col", (3.0, 10.0), 0.05),
+        ("w/col", (10.0, 100.0), 0.015),
+        ("p/lat", (3.0, 100.0), 2e-3),
+        ("q/lon", (3.0, 100.0), 5e-4),
+        ("r/ped", (3.0, 10.0), 0.085),
+        ("r/ped", (10.0, 30.0), 0.195),
+        ("r/ped", (30.0, 100.0), 0.29),
     ],
 )
 def test_the_hover_s_responses_are_those_of_the_ideal_governor(name, response, band, most):
@@ -54,7 +55,10 @@ def test_the_hover_s_responses_are_those_of_the_ideal_governor(name, response, b
     (Blade 360); up to there speed and collective part by the motor's resistance alone, 1 % of
     w/col. Cyclic takes no power to first order. The tail's torque comes from the motor below that
     mode, and above it out of the main rotor's inertia, on whose mast the body is: r/ped is 9 %
-    larger there, and by half of it in phase or gain an octave or two below.
+    larger there, and by half of it in phase or gain an octave or two below. Below that mode the
+    motor turns the blades with the body, above it the body is without them, 17 % of what is left.
+    A body that yaws changes the rotor's speed through the air: 2 Q / Omega of yaw damping, and what
+    collective yaws comes back in w/col, to 5 %.
     """
     assert largest_difference(name, response, *band) < most
 

@@ -1,12 +1,14 @@
-"""The rotor's drive: an ideal governor, or an engine with freewheel and governor.
+"""The rotor's drive: an ideal governor, or an engine with supply, freewheel and governor.
 
-I dOmega/dt = Q_engine - Q_main - ratio Q_tail - Q_friction, with the rotor's speed through the air
-(the body's yaw rate is neglected). `speed` is the rotor's over the nominal one, `throttle` 0 to 1.
-The freewheel releases smoothly: below a torque of `_GRIP` the engine's torque fades as a cubic.
+I dOmega/dt = Q_engine - Q_main - ratio Q_tail - Q_friction. Omega is that through the air; engine,
+governor and tail rotor have the shaft's in the body, less by its yaw rate. The body feels the main
+rotor's torque and its blades' inertia. `speed` is over the nominal one, `throttle` 0 to 1. The
+freewheel releases smoothly: below a torque of `_GRIP` the engine's torque fades as a cubic.
 """
 
 from collections import namedtuple
 
+from helisim.physics.battery import battery_current, battery_rates, supply
 from helisim.physics.inflow import soft_limit
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
@@ -15,7 +17,7 @@ from helisim.physics.motion import to_shaft
 
 IDEAL, MOTOR = 0.0, 1.0  # values of `PARAM.drive_governor`
 
-ELECTRIC, COMBUSTION = 0.0, 1.0  # values of `PARAM.drive_engine`
+ELECTRIC, COMBUSTION, TURBINE = 0.0, 1.0, 2.0  # values of `PARAM.drive_engine`
 
 _CUT = 0.05  # commanded speed, over the nominal one, that shuts the throttle
 _GRIP = 0.01  # share of the torque that gives full speed in a second; the freewheel grips above
@@ -28,8 +30,11 @@ _BEHIND = 0.1  # throttle that the engine is yet to take up, at which the integr
 _LINEAR = 0.9  # share of its limit up to which the current is not limited at all
 
 
-Drive = namedtuple("Drive", "speed_rate engine_rate governor_rate mast power")
-"""speed_rate, engine_rate, governor_rate: 1/s; mast: torque on the main rotor, N m; power: W."""
+Drive = namedtuple("Drive", "rates mast power voltage current")
+"""rates: of the states from speed to warming, 1/s, (7,); mast: torque on the main rotor, N m.
+
+power: W, of the engine less friction; voltage, current: of the battery, V and A.
+"""
 
 
 @kernel()
@@ -38,85 +43,142 @@ def drive(view, flow, step):
     par, act = view.par, view.act
     ratio = par[PARAM.tail_speed] / par[PARAM.main_speed]
     tail = ratio * flow.tail.torque
-    speed_rate, engine_rate, governor_rate = 0.0, 0.0, 0.0
-    mast = flow.main.torque
-    if par[PARAM.drive_governor] != IDEAL:
-        commanded = commanded_speed(view)
-        collective = (flow.main.pitch - par[PARAM.main_pitch_trim]) / par[PARAM.main_pitch_range]
-        load = flow.main.torque + tail
-        speed, engine, governor = act[STATE.speed], act[STATE.engine], act[STATE.governor]
-        for _ in range(2):
-            at = speed + 0.5 * step * speed_rate
-            throttle = engine + 0.5 * step * engine_rate
-            integral = governor + 0.5 * step * governor_rate
-            engine_rate, governor_rate = governing(
-                par, commanded, collective, at, throttle, integral
+    if par[PARAM.drive_governor] == IDEAL:
+        mast = flow.main.torque
+        power = (mast + tail) * (flow.speed * par[PARAM.main_speed])
+        power -= mast * par[PARAM.main_direction] * (flow.hub.r + to_shaft(par, flow.air).r)
+        power -= flow.tail.torque * par[PARAM.tail_direction] * (flow.motion.q + flow.air.q)
+        return Drive((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), mast, power, 0.0, 0.0)
+    commanded, lag = commanded_speed(view), par[PARAM.drive_lag]
+    collective = (flow.main.pitch - par[PARAM.main_pitch_trim]) / par[PARAM.main_pitch_range]
+    load, is_turbine = flow.main.torque + tail, par[PARAM.drive_engine] == TURBINE
+    has_battery = par[PARAM.drive_supply] != 0.0
+    speed_rate = engine_rate = governor_rate = fuel_rate = 0.0
+    discharge_rate = polarisation_rate = warming_rate = turning = current = 0.0
+    for _ in range(2):
+        at = flow.shaft + 0.5 * step * speed_rate
+        engine = throttle = act[STATE.engine] + 0.5 * step * engine_rate
+        integral = act[STATE.governor] + 0.5 * step * governor_rate
+        polarisation = act[STATE.polarisation] + 0.5 * step * polarisation_rate
+        warming = act[STATE.warming] + 0.5 * step * warming_rate
+        discharge = act[STATE.discharge] + 0.5 * step * discharge_rate
+        source = supply(par, discharge, polarisation, warming)
+        if is_turbine:
+            fuel = act[STATE.fuel] + 0.5 * step * fuel_rate
+            engine_rate = (fuel - engine) / lag
+            throttle += par[PARAM.drive_lead] * engine_rate
+            fuel_rate, governor_rate = governing(
+                par, commanded, collective, at, fuel, integral, source
             )
-            turning = shaft_torque(par, throttle, at) - friction(par, at)
-            speed_rate = (turning - load) / (par[PARAM.drive_inertia] * par[PARAM.main_speed])
-            mast = turning - tail
-    spin = flow.speed * par[PARAM.main_speed]
-    power = (mast + tail) * spin
-    power -= mast * par[PARAM.main_direction] * (flow.hub.r + to_shaft(par, flow.air).r)
-    power -= flow.tail.torque * par[PARAM.tail_direction] * (flow.motion.q + flow.air.q)
-    return Drive(speed_rate, engine_rate, governor_rate, mast, power)
+        else:
+            engine_rate, governor_rate = governing(
+                par, commanded, collective, at, throttle, integral, source
+            )
+        gripping = shaft_torque(par, throttle, at, source)
+        turning = gripping - friction(par, at)
+        speed_rate = (turning - load) / (par[PARAM.drive_inertia] * par[PARAM.main_speed])
+        if has_battery:
+            current = drawn(par, throttle, at, gripping, source)
+            discharge_rate, polarisation_rate, warming_rate = battery_rates(
+                par, source, current, polarisation, warming
+            )
+        if step == 0.0:
+            break
+    rates = (
+        speed_rate,
+        engine_rate,
+        governor_rate,
+        fuel_rate,
+        discharge_rate,
+        polarisation_rate,
+        warming_rate,
+    )
+    power = turning * flow.shaft * par[PARAM.main_speed]
+    voltage = source.voltage - source.resistance * current if has_battery else 0.0
+    mast = flow.main.torque + par[PARAM.drive_mast_inertia] * par[PARAM.main_speed] * speed_rate
+    return Drive(rates, mast, power, voltage, current)
 
 
 @kernel()
-def governing(par, commanded, collective, speed, throttle, integral):
-    """Return the rates of throttle and integral, 1/s; `commanded` near 0 cuts the throttle."""
-    wanted, growth = 0.0, 0.0
+def drawn(par, throttle, speed, torque, source):
+    """Return the battery's current, A, with a torque behind the freewheel, N m."""
+    if throttle <= 0.0:
+        return 0.0
+    constant = par[PARAM.drive_speed_constant]
+    amperes = par[PARAM.drive_no_load_current] + torque * constant / par[PARAM.drive_gear]
+    emf = speed * par[PARAM.main_speed] * par[PARAM.drive_gear] / constant
+    volts = emf + par[PARAM.drive_resistance] * amperes
+    # slipping, the motor turns more slowly than the rotor: as the throttle lets it without load
+    return battery_current(source, min(volts, throttle * source.voltage), amperes)
+
+
+@kernel()
+def governing(par, commanded, collective, speed, throttle, integral, source):
+    """Return the rates of throttle and integral, 1/s; `commanded` near 0 cuts the throttle.
+
+    A turbine's governor moves the fuel flow; with a droop none integrates.
+    """
+    wanted, growth, fastest = 0.0, 0.0, par[PARAM.drive_bail_out]
     if commanded < _CUT:
         growth = -integral / _FORGETS * max(0.0, 1.0 - speed / _CAUGHT)
+    elif par[PARAM.drive_droop] != 0.0:
+        wanted = integral + par[PARAM.drive_collective_gain] * collective
+        wanted = min(1.0, max(0.0, wanted + (commanded - speed) / par[PARAM.drive_droop]))
+        fastest = par[PARAM.drive_spool_up] if speed < _CAUGHT else fastest
     else:
         error = min(_REACH, max(-_REACH, commanded - speed))
         raw = integral + par[PARAM.drive_collective_gain] * collective
         raw += par[PARAM.drive_k_p] * error * speed
         growth = min(par[PARAM.drive_k_i] * error, 1.0 / par[PARAM.drive_spool_up])
-        growth *= growth_share(par, raw, throttle, speed, error)
+        growth *= growth_share(par, raw, throttle, speed, error, source)
         wanted = min(1.0, max(0.0, raw))
-    rate = (wanted - throttle) / par[PARAM.drive_lag]
-    return min(rate, 1.0 / par[PARAM.drive_bail_out]), growth
+    lag = PARAM.drive_fuel_lag if par[PARAM.drive_engine] == TURBINE else PARAM.drive_lag
+    return min((wanted - throttle) / par[lag], 1.0 / fastest), growth
 
 
 @kernel()
-def growth_share(par, raw, throttle, speed, error):
+def growth_share(par, raw, throttle, speed, error, source):
     """Return the share, 0 to 1, of the integral's growth allowed; raw: the unlimited throttle."""
     if error < 0.0:
-        held = engine_torque(par, throttle, speed) / grip(par)
+        held = engine_torque(par, throttle, speed, source) / grip(par)
         return min(1.0, max(0.0, min(raw / _HEADROOM, held)))
     left = min(1.0 - raw, _BEHIND - (raw - throttle)) / _HEADROOM
     if par[PARAM.drive_engine] == ELECTRIC:
-        share = motor_current(par, throttle, speed) / par[PARAM.drive_current_limit]
+        share = motor_current(par, throttle, speed, source) / par[PARAM.drive_current_limit]
         left = min(left, (1.0 - share) / _HEADROOM)
     return min(1.0, max(0.0, left))
 
 
 @kernel()
-def motor_current(par, throttle, speed):
-    """Return the current of an electric motor, A: negative where it would brake."""
+def motor_current(par, throttle, speed, source):
+    """Return the current of an electric motor, A: negative where it would brake.
+
+    The speed controller takes that current times the throttle of the battery.
+    """
     turning = speed * par[PARAM.main_speed] * par[PARAM.drive_gear]
     emf = turning / par[PARAM.drive_speed_constant]
-    return (throttle * par[PARAM.drive_voltage] - emf) / par[PARAM.drive_resistance]
+    resistance = par[PARAM.drive_resistance] + throttle**2 * source.resistance
+    return (throttle * source.voltage - emf) / resistance
 
 
 @kernel()
-def engine_torque(par, throttle, speed):
+def engine_torque(par, throttle, speed, source):
     """Return the engine's torque at the main shaft, N m."""
     gear = par[PARAM.drive_gear]
     if par[PARAM.drive_engine] == ELECTRIC:
-        wanted = motor_current(par, throttle, speed)
+        wanted = motor_current(par, throttle, speed, source)
         current = soft_limit(wanted, par[PARAM.drive_current_limit], _LINEAR)
         return gear / par[PARAM.drive_speed_constant] * (current - par[PARAM.drive_no_load_current])
     best = par[PARAM.drive_power_speed]
     x = speed * par[PARAM.main_speed] * gear / best
-    return gear * throttle * par[PARAM.drive_power] / best * (1.0 + x - x * x)
+    bend = 2.0 - x if par[PARAM.drive_engine] == TURBINE else 1.0 + x - x * x
+    return gear * throttle * par[PARAM.drive_power] / best * bend
 
 
 @kernel()
-def shaft_torque(par, throttle, speed):
+def shaft_torque(par, throttle, speed, source):
     """Return the torque that reaches the main shaft through the freewheel, N m: never negative."""
-    torque, whole = engine_torque(par, throttle, speed), grip(par)
+    torque, whole = engine_torque(par, throttle, speed, source), grip(par)
     if torque >= whole:
         return torque
     if torque <= 0.0:
@@ -133,15 +195,15 @@ def grip(par):
 @kernel()
 def friction(par, speed):
     """Return the torque of gears and bearings on the main shaft, N m."""
-    return par[PARAM.drive_friction] * min(1.0, speed / _SLIPPING)
+    return par[PARAM.drive_friction] * min(1.0, max(-1.0, speed / _SLIPPING))
 
 
-def throttle_for(par, torque):
+def throttle_for(par, torque, source):
     """Return the throttle that holds nominal speed against a torque, N m; above 1: too weak."""
     low, high = 0.0, 2.0
     wanted = torque + friction(par, 1.0)
     while (middle := 0.5 * (low + high)) not in (low, high):
-        if shaft_torque(par, middle, 1.0) < wanted:
+        if shaft_torque(par, middle, 1.0, source) < wanted:
             low = middle
         else:
             high = middle

@@ -64,8 +64,12 @@ def wash_share(par, first, cosine, behind):
     return upright * cosine**2 + behind * polynomial
 
 
-Flow = namedtuple("Flow", "motion hub speed main tail wash air nearness")
-"""The flow past a vehicle; hub: `motion` in shaft axes; air: velocities of the air itself."""
+Flow = namedtuple("Flow", "motion hub speed main tail wash air nearness shaft")
+"""The flow past a vehicle; hub: `motion` in shaft axes; air: velocities of the air itself.
+
+speed, shaft: of the rotor through the air, and of its shaft in the body, over the nominal one; an
+ideal governor has one for both.
+"""
 
 
 @kernel()
@@ -84,8 +88,14 @@ def flow_in(view, motion, moving, speed, nearness, mean, ahead):
     main = main_rotor_in(view, hub, speed, nearness, mean, ahead)
     pedal = position_ahead(view, STATE.tail_position, ahead)
     wake = wash(view.par, hub, main, speed, nearness)
-    tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
-    return Flow(motion, hub, speed, main, tail, wake, moving, nearness)
+    shaft = geared = speed
+    if view.par[PARAM.drive_governor] != 0.0:
+        yaw = hub.r + to_shaft(view.par, moving).r
+        shaft -= view.par[PARAM.main_direction] * yaw / view.par[PARAM.main_speed]
+        pitching = view.par[PARAM.tail_direction] * (motion.q + moving.q)
+        geared = shaft + pitching / view.par[PARAM.tail_speed]
+    tail = tail_rotor(view.par, motion, geared, pedal, wake.tail)
+    return Flow(motion, hub, speed, main, tail, wake, moving, nearness, shaft)
 
 
 @kernel(forceinline=False)

@@ -29,7 +29,12 @@ ParamIndex = namedtuple(
     "drive_governor drive_engine drive_inertia drive_friction drive_gear drive_voltage "
     "drive_speed_constant drive_resistance drive_no_load_current drive_current_limit drive_power "
     "drive_power_speed drive_lag drive_k_p drive_k_i drive_collective_gain drive_spool_up "
-    "drive_bail_out "
+    "drive_bail_out drive_droop drive_fuel_lag drive_lead drive_mast_inertia "
+    # battery: 0 keeps `drive_voltage`, 1 is a battery; then all that follow count
+    "drive_supply battery_cells battery_capacity battery_charge battery_temperature "
+    "battery_voltage_0 battery_voltage_1 battery_voltage_2 battery_voltage_3 battery_end_voltage "
+    "battery_end battery_resistance battery_activation battery_polarisation battery_lag "
+    "battery_heat_capacity battery_cooling "
     # fuselage: drag areas and where they act, volumes of its moments, wash over induced velocity
     "drag_x drag_y drag_z drag_centre_x drag_centre_z pitch_volume pitch_zero yaw_volume "
     "download "
@@ -129,6 +134,7 @@ SENSORS = {  # needed, in this order, and their sizes
     "flapping": 2,
     "rotor": 5,
     "power": 4,
+    "battery": 4,
     "air": 6,
     "contact": 3,
     "clock": 1,
@@ -152,6 +158,8 @@ SensorIndex = namedtuple(
     "thrust torque inflow tail_thrust speed "
     # power, W: what the motor delivers, main and tail shaft take, and what is lost to the air
     "drive_power main_power tail_power heat "
+    # battery: V at its poles, A, share of its capacity that is left, K; 0 without one
+    "voltage current charge temperature "
     # air: its own velocity and rotation, m/s and rad/s, body axes
     "air_u air_v air_w air_p air_q air_r "
     # contact: N, of all that is touched, world axes, north-east-down
@@ -183,14 +191,17 @@ StateIndex = namedtuple(
     # induced velocity of dynamic inflow, m/s: mean, more at the right tip, more at the rear tip
     "inflow_0 inflow_s inflow_c "
     # rotor speed over the nominal one; what drives it
-    "speed engine governor air_u air_v_lag air_w_lag air_p air_v air_w air_q_lag air_r_lag "
+    "speed engine governor "
+    # a turbine's fuel flow, share; share of the battery taken, V of its slow drop, K of its rise
+    "fuel discharge polarisation warming "
+    "air_u air_v_lag air_w_lag air_p air_v air_w air_q_lag air_r_lag "
     # specific force in this step, and in the one before the laws' last tick, m/s^2, FRD
     "feels_x feels_y feels_z felt_x felt_y felt_z "
     # of no use any more
     "read_p read_q read_r "
-    # derivatives of the rotor's states, from `flap_a` to `governor`, found with the forces
+    # derivatives of the rotor's states, from `flap_a` to `warming`, found with the forces
     "flap_a_rate flap_b_rate inflow_0_rate inflow_s_rate inflow_c_rate speed_rate engine_rate "
-    "governor_rate "
+    "governor_rate fuel_rate discharge_rate polarisation_rate warming_rate "
     # 1 + number of the laws' last tick, a half more at their first; 0 before, -1 after a failure
     "law_tick gyro_q_filter gyro_q_integral gyro_q_derivative gyro_p_filter gyro_p_integral "
     "gyro_p_derivative gyro_r_lead gyro_r_integral",

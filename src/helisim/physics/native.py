@@ -74,8 +74,8 @@ def add_forces(m, d, offsets):
             mean = act[STATE.inflow_0] + step * act[STATE.inflow_0_rate]
             past = flow_later(view, past, mean, 0.5 * step)
         driven = drive(view, past, step)
-        act[STATE.speed_rate], act[STATE.engine_rate] = driven.speed_rate, driven.engine_rate
-        act[STATE.governor_rate] = driven.governor_rate
+        for k in range(STATE.warming - STATE.speed + 1):
+            act[STATE.speed_rate + k] = driven.rates[k]
         a = act[STATE.flap_a] + step * act[STATE.flap_a_rate]
         b = act[STATE.flap_b] + step * act[STATE.flap_b_rate]
         apply_wrench(view, wrench(view.par, a, b, past, driven.mast))
@@ -114,7 +114,7 @@ def write_rates(m, d, offsets, actuator):
     write_servo_rates(view.par, view.act, view.rate, commands, tick)
     if step > 0.0:
         average_servo_rates(view.par, view.act, view.rate, commands, tick, step)
-    for k in range(STATE.flap_a, STATE.governor + 1):
+    for k in range(STATE.flap_a, STATE.warming + 1):
         view.rate[k] = view.act[k + _RATES_KEPT]
     write_turbulence_rates(view, step)
     for k in range(STATE.feels_x, states_end(view)):  # written at ticks, not integrated
@@ -208,9 +208,13 @@ def report_rotors(view, past):
     )
     out[SENSOR.tail_thrust], out[SENSOR.speed] = past.tail.thrust, past.speed
     spin = past.speed * view.par[PARAM.main_speed]
-    out[SENSOR.drive_power] = drive(view, past, 0.0).power
-    out[SENSOR.main_power] = main.torque * spin
-    out[SENSOR.tail_power] = past.tail.torque * past.speed * view.par[PARAM.tail_speed]
+    driven = drive(view, past, 0.0)
+    out[SENSOR.drive_power], out[SENSOR.main_power] = driven.power, main.torque * spin
+    out[SENSOR.tail_power] = past.tail.torque * past.shaft * view.par[PARAM.tail_speed]
+    out[SENSOR.voltage], out[SENSOR.current] = driven.voltage, driven.current
+    if driven.voltage > 0.0:
+        out[SENSOR.charge] = view.par[PARAM.battery_charge] - view.act[STATE.discharge]
+        out[SENSOR.temperature] = view.par[PARAM.battery_temperature] + view.act[STATE.warming]
     out[SENSOR.heat] = heat(view.par, past)
     out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
     out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r

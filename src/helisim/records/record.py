@@ -46,6 +46,8 @@ ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
 ROTOR_SPEED = ("rotor_speed",)
 """Measured where a motor turns the rotor; there is none under an ideal governor, which keeps it."""
+BATTERY = ("voltage", "current", "charge", "temperature")
+"""Measured where a battery feeds the motor."""
 LOAD = ("load_x", "load_y", "load_z")
 """Measured where a load hangs on the vehicle."""
 CONTACT = ("contact",)
@@ -98,6 +100,10 @@ _STANDARD = (
     Channel("east", "m", "OUT", "position east of the start"),
     Channel("down", "m", "OUT", "position below the start"),
     Channel("rotor_speed", "rad/s", "OTHER", "speed of the main rotor, where a motor turns it"),
+    Channel("voltage", "V", "OTHER", "voltage at the battery's poles"),
+    Channel("current", "A", "OTHER", "current of the battery"),
+    Channel("charge", "1", "OTHER", "share of the battery's capacity that is left"),
+    Channel("temperature", "K", "OTHER", "temperature of the battery"),
     Channel("load_x", "m", "OTHER", "place of a slung load ahead of its hook, body axes"),
     Channel("load_y", "m", "OTHER", "place of a slung load right of its hook, body axes"),
     Channel("load_z", "m", "OTHER", "place of a slung load below its hook, body axes"),

@@ -19,7 +19,7 @@ from helisim.base.errors import InputError
 from helisim.base.files import make_folder
 from helisim.base.settings import to_plain
 from helisim.physics.drive import MOTOR
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
 from helisim.records.storage import write_record
@@ -32,7 +32,7 @@ from helisim.sim.recorder import End, Recorder, Trajectory, read_trajectory, sou
 from helisim.sim.weather import Weather
 from helisim.vehicle import ControllerLike, Vehicle
 from helisim.vehicle.assembly import check_motor
-from helisim.vehicle.trim import Trim, addresses, find_trim, place
+from helisim.vehicle.trim import Trim, addresses, find_trim, place, set_governor
 
 Result = TypeVar("Result")
 Command = tuple[int, Callable[[mujoco.MjData], object]]
@@ -236,7 +236,7 @@ def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
     why = f"in the mission {plan.mission.name} a motor turns the rotor of {vehicle.name}"
     check_motor(vehicle.parameters, why)
     model = copy.copy(vehicle.model)
-    model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
+    set_governor(model, MOTOR)
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
     powered = replace(vehicle, model=model, trim=trim)
     return replace(powered, controller=vehicle.controller.on(powered))

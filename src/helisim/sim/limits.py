@@ -41,6 +41,7 @@ class FlightEnvelope:
             from 0.7 to 2 (Leishman, chapter 2). Autorotations need None.
         advance: greatest airspeed across the shaft, over the speed of the blades' tips. Reverse
             flow, which the force laws don't know, is small up to 0.3 (Leishman, chapter 2).
+        charge: least share of the battery's capacity that is left, where a battery feeds the motor.
         saturation: longest time of any 10 s, s, that a stick or a command may be at its stop, or a
             servo at its rate limit.
     """
@@ -52,6 +53,7 @@ class FlightEnvelope:
     flapping: float | None = setting(1.0, above=0.0)
     descent: float | None = setting(2.0, above=0.0)
     advance: float | None = setting(0.3, above=0.0)
+    charge: float | None = setting(0.0, low=0.0, high=1.0, unsaid=True)
     saturation: float | None = setting(1.0, unit="s", above=0.0, high=_WINDOW)
 
     def __post_init__(self) -> None:
@@ -91,6 +93,9 @@ class FlightEnvelope:
                 yield "came down beside the deck", beside
         if ground is not None and self.touchdown is not None:
             yield from _hard_landings(limits.shape, ground, flight, self.touchdown)
+        if self.charge is not None and flight.battery is not None:
+            least = f" to {self.charge:.0%}" if self.charge else ""
+            yield f"emptied its battery{least}", flight.battery[:, 2] <= self.charge
         if self.saturation is not None:
             window = f"{self.saturation:g} s of {_WINDOW:g} s"
             count = max(1, round(_WINDOW / flight.timestep))

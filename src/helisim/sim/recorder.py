@@ -20,6 +20,7 @@ from helisim.records.record import (
     ATTITUDE_DISTURBANCE,
     ATTITUDE_SUM,
     ATTITUDES,
+    BATTERY,
     CHANNELS,
     CONTACT,
     IN1,
@@ -69,7 +70,10 @@ class End:
     def error(self) -> DivergedError:
         """Return the error of a flight that ended so."""
         change = "fly a smaller amplitude, a narrower band or a mission with other settings"
-        advice = f"; {change}, or check the gyro's gains" if self.traceback is None else ""
+        change = f"{change}, or check the gyro's gains"
+        if "emptied its battery" in self.why:
+            change = "fly for a shorter time, or give battery.capacity or battery.charge more"
+        advice = f"; {change}" if self.traceback is None else ""
         error = DivergedError(f"{self.why} at {self.at:.2f} s{advice}")
         if self.traceback:
             error.add_note(self.traceback)
@@ -93,8 +97,9 @@ class Trajectory:
     shaft, lost to the air; air: velocity and rotation of the air itself, body axes; contact: force
     of all that is touched, NED; rates p, q, r; attitudes phi, theta, psi (unwrapped); velocities u,
     v, w and specific forces, body axes, and positions, NED, all of the IMU; gyro_rates as sensed,
-    at ticks and late; rotor_speed where a motor turns the rotor, None under an ideal governor; load
-    from its hook, body axes, None without one.
+    at ticks and late; rotor_speed where a motor turns the rotor, None under an ideal governor;
+    battery: voltage, current, share left, temperature, None without one; load from its hook, body
+    axes, None without one.
     `time` is (n_time,) s, `timestep` the simulation's, s, `imu_offset` (3,) from the centre of
     gravity, FRD. `added` by a manoeuvre is by place but the sticks: (n_time, 4) servo by servo, or
     "sensors", (n_time, 6) rates and attitude. `hold`, s, is how long sticks and servo commands are
@@ -120,6 +125,7 @@ class Trajectory:
     swashplate: Swashplate
     gyro_rates: NDArray[np.float64]
     rotor_speed: NDArray[np.float64] | None = None
+    battery: NDArray[np.float64] | None = None
     load: NDArray[np.float64] | None = None
     added: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     hold: float = 0.0
@@ -212,6 +218,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         swashplate=vehicle.swashplate,
         gyro_rates=flipped("gyro_rate"),
         rotor_speed=par[PARAM.main_speed] * ratio if par[PARAM.drive_governor] != 0.0 else None,
+        battery=seen("battery") if par[PARAM.drive_governor] * par[PARAM.drive_supply] else None,
         load=load,
         hold=vehicle.parameters["gyro.period"],
     )
@@ -333,6 +340,8 @@ class Recorder:
         columns = sampling.inputs() | sampling.motion()
         if flight.rotor_speed is not None:
             columns |= sampling.recorded(ROTOR_SPEED, flight.rotor_speed)
+        if flight.battery is not None:
+            columns |= sampling.recorded(BATTERY, flight.battery)
         if flight.load is not None:
             columns |= sampling.recorded(LOAD, flight.load)
         for names, source in _TRUE.items() if self.rotor else ():

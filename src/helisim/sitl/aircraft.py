@@ -30,7 +30,7 @@ from helisim.sitl.mixing import Outputs
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import check_motor, with_room
 from helisim.vehicle.controller import DIRECT, law_room
-from helisim.vehicle.trim import addresses, find_trim
+from helisim.vehicle.trim import addresses, find_trim, set_governor
 
 FRAME = 1000  # us from a frame to the next: with less than 1.8 frames a loop ArduPilot does not arm
 SPOOL_UP = 12.0  # s, to the nominal speed where no motor's numbers tell it
@@ -50,8 +50,7 @@ def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle
     parameters = parameters.replace({"drive.governor": governor})
     model = copy.copy(vehicle.model)
     model.opt.timestep = timestep
-    kind = MOTOR if governor == "motor" else IDEAL
-    model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = kind
+    set_governor(model, MOTOR if governor == "motor" else IDEAL)
     model = with_room(model, vehicle.folder, parameters, law_room(model), slung=vehicle.slung)
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
     return replace(vehicle, parameters=parameters, model=model, trim=trim)

@@ -43,13 +43,15 @@ from helisim.vehicle.parameters import (
     scene_file,
 )
 from helisim.vehicle.swashplate import PLATE, Swashplate, TipPathPlane, with_both
-from helisim.vehicle.trim import HOOK, LOAD, SLUNG, addresses, root_body
+from helisim.vehicle.trim import HOOK, LOAD, SLUNG, addresses, root_body, set_governor
 
-_MOTOR = ("inertia", "gear", "lag", "k_i", "spool_up", "bail_out")
+_MOTOR = ("inertia", "gear", "lag", "spool_up", "bail_out")
 _ENGINE = {  # [drive] > 0 with a motor, and with which engine
-    "electric": ("voltage", "speed_constant", "resistance", "current_limit"),
-    "combustion": ("power", "power_speed"),
+    "electric": ("k_i", "voltage", "speed_constant", "resistance", "current_limit"),
+    "combustion": ("k_i", "power", "power_speed"),
+    "turbine": ("droop", "power", "power_speed", "fuel_lag"),
 }
+_BATTERY = ("cells", "capacity", "charge", "resistance", "polarisation", "lag", "heat_capacity")
 
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
@@ -66,6 +68,10 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     for name, known in glossary().items():
         if known.slot:
             block[getattr(PARAM, known.slot)] = parameters[name]
+    blades = parameters["main_rotor.blades"] * parameters["main_rotor.blade_inertia"]
+    block[PARAM.drive_mast_inertia] = min(blades, parameters["drive.inertia"])
+    if parameters.word("drive.supply") == "battery":
+        block[PARAM.drive_resistance] -= parameters["battery.resistance"]
     tilt = parameters["main_rotor.shaft_tilt"]
     block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
     x, z = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
@@ -120,7 +126,18 @@ def check_motor(parameters: Parameters, why: str) -> None:
     """Raise ModelError if a parameter of [drive] that a motor needs isn't positive."""
     parameters = completed(parameters)
     engine = str(parameters.word("drive.engine"))
-    for entry in (parameters.entry(f"drive.{name}") for name in (*_MOTOR, *_ENGINE[engine])):
+    needed = [f"drive.{name}" for name in (*_MOTOR, *_ENGINE[engine])]
+    if parameters.word("drive.supply") == "battery":
+        if engine != "electric":
+            raise ModelError(f"a battery needs drive.engine 'electric', got {engine!r}")
+        needed += [f"battery.{name}" for name in _BATTERY]
+        if parameters["battery.resistance"] >= parameters["drive.resistance"]:
+            raise ModelError(
+                "drive.resistance is that of motor, speed controller, leads and battery together: "
+                f"it must be above battery.resistance, got {parameters['drive.resistance']:g} and "
+                f"{parameters['battery.resistance']:g} ohm"
+            )
+    for entry in map(parameters.entry, needed):
         if entry.value <= 0.0:
             raise ModelError(
                 f"{why}, and with its {engine} engine that needs a positive "
@@ -287,6 +304,7 @@ def assemble(
         model = spec.compile()
         for fault in examine(model):
             raise ModelError(fault)
+    set_governor(model, block[PARAM.drive_governor])
     return model
 
 
@@ -357,6 +375,7 @@ def with_room(
     there, here = addresses(larger).rotor, addresses(model).rotor
     larger.actuator_user[there] = model.actuator_user[here]
     larger.opt.wind[:] = model.opt.wind
+    set_governor(larger, model.actuator_user[here, PARAM.drive_governor])
     return larger
 
 

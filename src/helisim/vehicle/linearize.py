@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from helisim.base.display import Displayed
 from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
+from helisim.physics.drive import IDEAL, TURBINE
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
@@ -22,6 +23,7 @@ from helisim.vehicle.trim import (
     addresses,
     motion_rates,
     place,
+    set_governor,
     slung_dofs,
     specific_force,
     write_motion,
@@ -36,6 +38,7 @@ _OPTIONAL = {  # states of optional force laws: the number, not 0
     "main_dynamic_inflow": ("inflow_0", "inflow_s", "inflow_c"),
     "drive_governor": ("speed", "engine", "governor"),
 }
+_HELD = ("discharge", "polarisation", "warming")  # the battery's are slow
 _STEP = 1e-5  # central difference: truncation of 1e-10, rounding of 1e-11, SI
 
 
@@ -116,7 +119,7 @@ def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
     if not model.actuator_user[rotor, PARAM.drive_governor]:
         return model
     plain = copy.copy(model)
-    plain.actuator_user[rotor, PARAM.drive_governor] = 0.0
+    set_governor(plain, IDEAL)
     return plain
 
 
@@ -136,6 +139,8 @@ class _Dynamics:
         par[PARAM.gyro_on] = par[PARAM.pilot_on] = 0.0
         self.plate = Swashplate.in_block(par)
         off = [n for law, names in _OPTIONAL.items() if not par[getattr(PARAM, law)] for n in names]
+        turbine = par[PARAM.drive_governor] * par[PARAM.drive_engine] == TURBINE
+        off += _HELD if turbine else ("fuel", *_HELD)
         driven = [name for name in StateIndex._fields[: STATE.air_u] if name not in off]
         self.slung = slung_dofs(self.model)
         hung = [_dof_name(self.model, dof) for dof in self.slung]

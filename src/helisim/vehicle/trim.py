@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import ModelError, TrimError, UnknownNameError
 from helisim.physics import drive, gyro
+from helisim.physics.battery import supply
 from helisim.physics.drive import IDEAL
 from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
 from helisim.physics.memory import NO_FREE_JOINT, free_body
@@ -291,13 +292,23 @@ def find_trim(
         return trim
     _, main, tail, _ = data.sensor("power").data
     torque = float(main + tail) / par[PARAM.main_speed]
-    throttle = drive.throttle_for(par, torque)
+    source = supply(par, 0.0, 0.0, 0.0)
+    throttle = drive.throttle_for(par, torque, source)
     if throttle > 1.0:
         raise TrimError(
-            f"the {flight} takes a torque of {torque:.3g} N m at the main shaft, and at full "
-            f"throttle the engine gives {drive.shaft_torque(par, 1.0, 1.0):.3g}; change [drive]"
+            f"the {flight} takes a torque of {torque:.3g} N m at the main shaft; at full throttle "
+            f"the engine gives {drive.shaft_torque(par, 1.0, 1.0, source):.3g}; change [drive]"
         )
     return replace(trim, throttle=throttle)
+
+
+def set_governor(model: mujoco.MjModel, governor: float) -> None:
+    """Give a model a governor, `IDEAL` or `MOTOR`; a motor's rotor doesn't turn with the body."""
+    rotor = addresses(model).rotor
+    model.actuator_user[rotor, PARAM.drive_governor] = governor
+    yaw = model.jnt_dofadr[model.actuator_trnid[rotor, 0]] + 5
+    inertia = model.actuator_user[rotor, PARAM.drive_mast_inertia]
+    model.dof_armature[yaw] = -inertia if governor != IDEAL else 0.0
 
 
 def _level(model: mujoco.MjModel, par: NDArray[np.float64]) -> Trim:
@@ -323,7 +334,7 @@ def place(
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
     if par[PARAM.drive_governor] != IDEAL:
-        act[STATE.speed], act[STATE.engine] = 1.0, trim.throttle
+        act[STATE.speed], act[STATE.engine], act[STATE.fuel] = 1.0, trim.throttle, trim.throttle
         act[STATE.governor] = trim.throttle - par[PARAM.drive_collective_gain] * trim.col
     act[STATE.inflow_0 : STATE.inflow_c + 1] = trim.inflow_0, trim.inflow_s, trim.inflow_c
     act[STATE.feels_x : STATE.feels_z + 1] = steady_force(model, trim)
