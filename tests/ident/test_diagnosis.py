@@ -49,7 +49,7 @@ def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, 
     fit = identify(measured(*plant, noise), order(*fitted))
     assert f"fit {advised} instead" in fit.degenerate[0]
     assert fit.degenerate[0] in str(fit)
-    assert fit.judged == "degenerate"
+    assert (fit.verdict.word, fit.verdict.reasons[0].text) == ("wrong", fit.degenerate[0])
     assert {one.support for one in fit.parameters.values()} <= {"degenerate", "not seen"}
     assert Fit.from_dict(json.loads(json.dumps(fit.to_dict()))).degenerate == fit.degenerate
 

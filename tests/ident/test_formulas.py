@@ -185,7 +185,13 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
     noise = np.diag(left @ covariance @ left.T)
     assert found.ratio == pytest.approx(residual @ residual / noise.sum(), rel=1e-6)
     assert found.noise == pytest.approx(noise / scale**2, rel=1e-6)
-    errors = np.sqrt(np.diag(gain @ covariance @ gain.T))
+    # what the structure leaves is alike within a quarter of ln(frequency) in a response
+    at, pair = np.log(np.tile(points.frequency, 2)), np.tile(points.pair, 2)
+    alike = np.exp(-0.5 * ((at[:, None] - at) / 0.25) ** 2) * (pair[:, None] == pair)
+    share = 1.0 - 1.0 / found.ratio
+    structural = share * np.diag(gain @ (alike * np.outer(residual, residual)) @ gain.T)
+    assert found.structural == pytest.approx(np.sqrt(structural), rel=1e-6)
+    errors = np.sqrt(np.diag(gain @ covariance @ gain.T) + structural)
     assert found.standard_error == pytest.approx(errors, rel=1e-6)
 
 

@@ -150,7 +150,7 @@ def test_the_table_states_each_response_its_band_and_the_support(wobbly):
         assert replace(wobbly, costs={pair: 0.0, "a": 0.0, "b": single}).judged == word
     for cost, word in ((50.0, "excellent"), (100.0, "acceptable"), (100.1, "too high")):
         judged = replace(wobbly, costs={pair: cost})
-        assert f"average J = {cost:.4g}: {word}" in str(judged).splitlines()
+        assert f"average J = {cost:.4g}: {word}, as costs go" in str(judged).splitlines()
     for name, one in wobbly.parameters.items():
         (line,) = (text for text in lines if text.startswith(name + " "))
         assert re.search(rf"{one.cr_percent:.2f} .* {one.insensitivity_percent:.2f} ", line)

@@ -39,6 +39,7 @@ _TRANSFER = re.compile(r"tf:(\d{1,2})/(\d{1,2})$")
 _GENERIC = {
     "tf:ZEROS/POLES": "transfer function with delay, such as tf:1/2, of any input and output",
 }
+_STATUS = {"sound": 0, "wrong": 1, "doubtful": 3}  # 2 is of a command that was not understood
 _OF_ONE = ("inputs", "outputs", "fix", "start", "bounds", "responses")
 
 
@@ -93,19 +94,19 @@ def identify(o: Options) -> int:
     Several axes give several models: --json model.json then writes
     model-rollpitch_speeds.json and so on.
 
-    Exit status 1: the search didn't converge, the fit's cost is beyond the
-    guidelines, or the fit is degenerate.
+    Exit status 1: the verdict on a fit is "wrong"; 3: on none, but on one
+    "doubtful".
     """
     found = _inferred_work(o) if _infers(o) else [_asked(o)]
-    status = 0
+    status = []
     for work in found:
         label = f"-{work.label}" if len(found) > 1 else ""
         json, report = (
             path and path.with_name(f"{path.stem}{label}{path.suffix}")
             for path in (o.json, o.report)
         )
-        status |= _fitted(o, work, json, report)
-    return status
+        status.append(_fitted(o, work, json, report))
+    return 1 if 1 in status else max(status)
 
 
 def _asked(o: Options) -> Work:
@@ -129,7 +130,7 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
     how = ", ".join(filter(None, (fit.method, frf.estimator)))
     print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
     print(wrapped(fit.text(worded_note), indent=2))
-    if not fit.acceptable or fit.dropped:
+    if fit.verdict.word == "wrong" or fit.dropped:
         lines = [worded_note(one) for one in suspicions(fit) if one not in fit.notes]
         if lines:
             print("likely causes, by what the data show:")
@@ -143,7 +144,7 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
         with progress(len(named), o.quiet, unit="record") as advance:
             write_fit_report(report, fit, records=named, on_progress=advance)
     print_written(o, json, report)
-    return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
+    return _STATUS[fit.verdict.word]
 
 
 def _search(o: Options) -> dict[str, Any]:

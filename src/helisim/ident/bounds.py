@@ -2,9 +2,13 @@
 
 With H = 2 J^T J and unit noise, CR_i = 2 sqrt((H^-1)_ii), I_i = 1 / sqrt(H_ii) (Tischler, Remple).
 With A = (J^T J)^-1 J^T of residuals r with covariance S (`scatter`; unknown: independent), the
-parameters' covariance is A S A^T without misfit (`Misfit`); a known one's error dk adds -A J_k dk.
+parameters' covariance is A S A^T; a known one's error dk adds -A J_k dk. What the structure leaves
+beyond noise adds A (K r r^T) A^T, with K one for residuals of a response at like frequencies: a
+misfit there would be there in another flight, too.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +19,10 @@ from helisim.ident.cost import Cost
 _NULL = 1e-13  # least eigenvalue of the scaled Hessian for a direction to be seen
 _FAINT = 1e-6  # dB: a parameter that moves all residuals by less is not seen
 _FARTHEST = 1e9  # largest value, in its orders of magnitude, for a parameter to be seen
+_REACH = 0.25  # logarithm of frequency over which a structure's misfit is one, as a bias is
+_TRIED = 0.5  # rad of phase that the lag that is tried makes at the band's top
+_KNOWN = 0.2  # error of a parameter, over its value, from which its shift says nothing
+_BEYOND_CHANCE = 3.0  # errors: chance brings so much to one input in 700
 Real = NDArray[np.float64]
 
 
@@ -24,8 +32,11 @@ class Accuracy:
 
     `cramer_rao` and `insensitivity` are (n_free,), `covariance` and `correlation` (the Hessian's)
     (n_free, n_free), `carried` (n_free, n_known) for one standard error of each known parameter.
-    `noise` (2 n_point,) are expected variances, real then imaginary parts, `ratio` the residuals'
-    power over the expected; None if the response's errors are unknown.
+    `structural` (n_free,) standard deviations, within those of `covariance`, are of what the
+    structure leaves. `noise` (2 n_point,) are expected variances, real then imaginary parts,
+    `ratio` the residuals' power over the expected; None if the response's errors are unknown.
+    `omitted` are inputs whose lag the structure lacks: name, s, its errors, and the largest shift
+    of a parameter, as a share of it.
     """
 
     cramer_rao: Real
@@ -33,8 +44,10 @@ class Accuracy:
     covariance: Real
     carried: Real
     correlation: Real
+    structural: Real
     noise: Real | None = None
     ratio: float | None = None
+    omitted: tuple[tuple[str, float, float, float], ...] = ()
 
     @property
     def standard_error(self) -> Real:
@@ -61,11 +74,16 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     length = np.linalg.norm(minimised, axis=0)
     unit = np.where(length > 0.0, length, 1.0)
     gain = np.linalg.pinv(minimised / unit) / unit[:, None]
-    spread = _spread(cost, left, minimised, scale, gain)
-    if spread is None:
-        freedom = max(residual.size - x.size, 1)
-        spread = 2.0 * float(residual @ residual) / freedom * inverse, None, None
-    covariance, noise, ratio = spread
+    scatter = _scatter(cost, scale)
+    freedom = max(residual.size - x.size, 1)
+    covariance = 2.0 * float(residual @ residual) / freedom * inverse
+    structural, noise, ratio, omitted = np.zeros_like(covariance), None, None, ()
+    if scatter is not None and (spread := _spread(scatter, left, minimised, scale, gain)):
+        covariance, noise, ratio = spread
+        beyond = max(1.0 - 1.0 / ratio, 0.0) if ratio > 0.0 else 0.0
+        structural = beyond * gain @ (_likeness(cost) * np.outer(left, left)) @ gain.T
+        covariance = covariance + structural
+        omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
     known = [one for one in cost.structure.parameters if one.error > 0.0]
     carried = np.zeros((x.size, len(known)))
     if known and x.size:
@@ -80,17 +98,31 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     np.fill_diagonal(correlation, 1.0)
     bound = 2.0 * np.sqrt(variance) + np.where(seen, 0.0, np.inf)
     correlation = np.clip(correlation, -1.0, 1.0)
-    return Accuracy(bound, insensitivity, covariance, carried, correlation, noise, ratio)
+    return Accuracy(
+        bound,
+        insensitivity,
+        covariance,
+        carried,
+        correlation,
+        np.sqrt(np.maximum(np.diagonal(structural), 0.0)),
+        noise,
+        ratio,
+        omitted,
+    )
 
 
-def _spread(
-    cost: Cost, residual: Real, jacobian: Real, scale: Real, gain: Real
-) -> tuple[Real, Real, float] | None:
+def _scatter(cost: Cost, scale: Real) -> Real | None:
+    """Return the covariance of the residuals, (2 n_point, 2 n_point); None if it is unknown."""
     relative = cost.points.covariance
     if relative is None:
         return None
-    covariance = 0.5 * np.block([[relative.real, -relative.imag], [relative.imag, relative.real]])
-    covariance *= np.outer(scale, scale)
+    blocks = np.block([[relative.real, -relative.imag], [relative.imag, relative.real]])
+    return 0.5 * blocks * np.outer(scale, scale)
+
+
+def _spread(
+    covariance: Real, residual: Real, jacobian: Real, scale: Real, gain: Real
+) -> tuple[Real, Real, float] | None:
     taken = gain @ covariance
     left = covariance - jacobian @ taken
     # of (1 - J A) S (1 - J A)^T, as the projection is symmetric and idempotent
@@ -101,6 +133,38 @@ def _spread(
     with np.errstate(divide="ignore", invalid="ignore"):
         plain = np.where(scale > 0.0, noise / scale**2, 0.0)
     return taken @ gain.T, plain, float(residual @ residual) / expected
+
+
+def _likeness(cost: Cost) -> Real:
+    """Return how much residuals have in common, (2 n_point, 2 n_point), 0 to 1."""
+    at, pair = np.log(cost.points.frequency), cost.points.pair
+    near = np.exp(-0.5 * (np.subtract.outer(at, at) / _REACH) ** 2)
+    return np.tile(np.where(pair[:, None] == pair, near, 0.0), (2, 2))
+
+
+def _omitted_lags(
+    cost: Cost, x: Real, left: Real, jacobian: Real, unit: Real, scale: Real, scatter: Real
+) -> Iterator[tuple[str, float, float, float]]:
+    """Yield inputs that a lag beyond their delay would explain better, by a score test.
+
+    `jacobian` (2 n_point, n_free) is by parameters over `unit`. To its first order a lag is a
+    delay, so that what shows is its square.
+    """
+    at, value = cost.points, np.maximum(np.abs(x), 1e-300)
+    tried = _TRIED / float(np.max(at.frequency))
+    turned = 1j * at.frequency * tried
+    column = turned - np.log1p(turned)
+    for number, name in enumerate(cost.structure.inputs):
+        mine = np.where(at.input == number, column, 0.0)
+        slope = scale * np.concatenate([mine.real, mine.imag])
+        gain = np.linalg.pinv(np.column_stack([jacobian, slope]))
+        *shift, size = -(gain @ left)
+        *errors, error = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, scatter, gain), 0.0))
+        moved = np.abs(shift / unit) / value
+        known = np.array(errors) / unit < _KNOWN * value
+        if size > _BEYOND_CHANCE * error:
+            lag = tried * math.sqrt(size)
+            yield name, lag, float(size / error), float(np.max(moved, where=known, initial=0.0))
 
 
 def gauss_newton_hessian(jacobian: Real) -> Real:

@@ -1,7 +1,7 @@
 """Reports what is doubtful in a fit: misfit, unsupported parameters, and causes."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,8 @@ _FAR = 5.0  # times the band's top: farther poles are not in the data
 _RATIO, _PERCENT = 10.0, 5.0
 _EXPLAINED = 0.75  # share of a response's cost at one edge of the band
 _EDGE = 0.34  # of a band's points, that are its edge
+_DELAY_ERRORS, _EARLY = 3.0, 0.01  # errors, and s (a sample of most logs), that a delay may lead
+_LARGEST_FLAPPING = 1.0  # rad per unit of stick
 _DOUBTFUL = 0.75  # mean coherence below which a response's data are doubted
 Real = NDArray[np.float64]
 
@@ -66,9 +68,7 @@ class Misfit(Value):
             return "how much of the misfit is noise isn't known"
         said = f"what the model leaves is {self.ratio:.3g} times what noise would leave"
         if self.ratio > RATIO_LIMIT:
-            said += (
-                "; the structure itself can't follow, and no error of a parameter says by how much"
-            )
+            said += "; the structure can't follow, and the standard errors hold what that makes"
         return said
 
     def words(self, name: str) -> str:
@@ -226,6 +226,50 @@ def doubt(band: tuple[float, float], poles: Iterable[complex], left: Misfit | No
         return None
     kind = "unstable" if fast else "residual"
     return Note(kind, f"{text}; try a structure with more states")
+
+
+def omitted_lag(name: str, lag: float, errors: float, shift: float) -> str:
+    """Return what a lag that the structure lacks would explain, in words."""
+    return (
+        f"a lag of {1e3 * lag:.2g} ms on {name}, which the structure lacks, explains the data "
+        f"better, by {errors:.2g} of its errors, and moves parameters by up to "
+        f"{100.0 * shift:.2g} %: a servo or a filter; put it in series, or give it as known"
+    )
+
+
+def implausible(
+    structure: Structure,
+    values: Mapping[str, tuple[float, float]],
+    poles: Iterable[complex],
+    line: float,
+) -> Iterator[Note]:
+    """Yield what no vehicle has: `values` are parameters with standard errors.
+
+    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown.
+    """
+    late = delay_names(structure)
+    for one in structure.free:
+        value, error = values[one.name]
+        if one.name in late and value < -_DELAY_ERRORS * error and value < -_EARLY:
+            text = (
+                f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer leads its "
+                "cause; the columns' times differ, or the input is not what drives it"
+            )
+            yield Note("delay", text)
+        if one.unit == "rad" and abs(value) - error > _LARGEST_FLAPPING:
+            text = (
+                f"{one.name} is {value:.3g} rad per unit of stick, and blades flap by a fraction "
+                "of that: the unit of a rate or of the input is wrong"
+            )
+            yield Note("flapping", text)
+    narrow = [pole for pole in poles if 0.0 < -2.0 * pole.real < line and pole.imag > line]
+    if narrow:
+        yield Note(
+            "mode",
+            f"the mode at {abs(narrow[0]):.3g} rad/s is {-2.0 * narrow[0].real:.2g} rad/s wide, "
+            f"narrower than a line of the longest record, {line:.2g} rad/s: its damping is "
+            "smeared; fly longer",
+        )
 
 
 def shape(name: str, omega: Real, ratio: NDArray[np.complex128], coherence: Real) -> Note | None:

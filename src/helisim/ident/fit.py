@@ -6,7 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from helisim.base.note import Note
 from helisim.base.settings import Limits, convert
+from helisim.ident import diagnosis
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Band, Cost, select
 from helisim.ident.diagnosis import degenerate, misfit
@@ -18,6 +20,7 @@ from helisim.ident.structure import Structure
 from helisim.records.record import one_blas_thread, plain
 
 _AT_BOUND = 1e-6  # fraction of the interval within which a parameter is at its bound
+_SHIFT = 0.02  # of a parameter that a lag may move it by without a word
 _OF_LOWER_ORDER = 3  # starts of a transfer function of lower order
 Weighting = Literal["error", "coherence"]
 
@@ -90,6 +93,7 @@ def identify(
             float(quality.standard_error[k]),
             min(value - low, high - value) <= edge,
             one.name in collapsed,
+            float(quality.structural[k]),
         )
     options = {
         "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
@@ -112,6 +116,9 @@ def identify(
         converged=best.converged,
         searches_agreeing=agreeing,
         degenerate=advice,
+        omitted=tuple(
+            Note("lag", diagnosis.omitted_lag(*one)) for one in quality.omitted if one[3] > _SHIFT
+        ),
         data=frf,
         options=plain(options),
     )

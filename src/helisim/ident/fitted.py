@@ -43,7 +43,8 @@ class FittedParameter(Value):
 
     `cramer_rao` has Tischler and Remple's factor 2; `insensitivity` is the change of the value with
     little effect on the cost; `standard_error` is from noise, estimator and known parameters'
-    errors. `at_bound`: the value is the bound's; `degenerate`: its accuracy is meaningless.
+    errors, and from what the structure leaves (`structural_error`). `at_bound`: the value is the
+    bound's; `degenerate`: its accuracy is meaningless.
     """
 
     definition: Parameter
@@ -53,6 +54,7 @@ class FittedParameter(Value):
     standard_error: float = setting(finite=False)
     at_bound: bool = setting()
     degenerate: bool = False
+    structural_error: float = 0.0
 
     @property
     def name(self) -> str:
@@ -134,6 +136,7 @@ class FittedParameter(Value):
             "unit": self.unit,
             "value": self.value,
             **{key: finite(getattr(self, key)) for key in (*numbers, "standard_error")},
+            "structural_error": finite(self.structural_error),
             "fixed": self.fixed,
             "at_bound": self.at_bound,
             "degenerate": self.degenerate,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
 from helisim.base.settings import Limits, convert
+from helisim.ident.evidence import evidence
 from helisim.ident.local import Local
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.windows import Windows, window_lengths
@@ -128,10 +129,11 @@ def frequency_response(
         )
 
     if not references:
-        return estimated(())
+        direct = estimated(())
+        return replace(direct, evidence=evidence(flights, direct))
     joint, direct = estimated(references), estimated(())
     apart = _warned(_disagreements(joint, direct), ClosedLoopWarning)
-    return replace(joint, direct=direct, flags=flags + apart)
+    return replace(joint, direct=direct, flags=flags + apart, evidence=evidence(flights, joint))
 
 
 def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:

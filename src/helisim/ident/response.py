@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, check_known
 from helisim.base.files import atomic_write, check_suffix, write_json
+from helisim.base.note import Note
 from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import decibel
 from helisim.ident.scatter import ErrorModel
@@ -63,6 +65,7 @@ class FrequencyResponse(Value, Displayed):
     estimator: str = ""
     windows: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
+    evidence: tuple[Note, ...] = ()
     sources: tuple[str, ...] = ()
     spans: tuple[tuple[str, float, float], ...] = ()
     scatter: ErrorModel | None = field(default=None, compare=False)
@@ -151,6 +154,12 @@ class FrequencyResponse(Value, Displayed):
     def method(self) -> str:
         """Method, "joint input-output" or "direct"."""
         return "joint input-output" if self.reference else "direct"
+
+    @property
+    def line(self) -> float:
+        """Spacing of the longest record's lines, rad/s; 0 if it is unknown."""
+        longest = max((stop - start for _, start, stop in self.spans), default=0.0)
+        return 2.0 * math.pi / longest if longest else 0.0
 
     def index(self, output: str, input_: str) -> tuple[int, int]:
         """Return a pair's indices in the arrays. Raises UnknownNameError."""

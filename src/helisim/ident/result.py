@@ -18,7 +18,7 @@ from helisim.base.errors import (
 )
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Note
-from helisim.base.settings import Value, check, convert, placed, setting
+from helisim.base.settings import Value, check, convert, placed, setting, to_plain
 from helisim.ident import diagnosis
 from helisim.ident.cost import coherent, enough, within
 from helisim.ident.diagnosis import Misfit
@@ -27,6 +27,7 @@ from helisim.ident.fitted import FittedParameter, finite, text_table
 from helisim.ident.modes import Modes, modes
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
+from helisim.ident.verdict import Verdict
 from helisim.records.record import versions
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ class Fit(Value, Displayed):
     carried: NDArray[np.float64] | None = setting(None, finite=False)
     misfit: Misfit | None = None
     degenerate: tuple[str, ...] = ()
+    omitted: tuple[Note, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=versions)
 
@@ -109,17 +111,23 @@ class Fit(Value, Displayed):
             low, high = self.bands[name]
             left = f"; {self.misfit.words(name)}" if self.misfit else ""
             lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
-        judged = self.judged
         if self.misfit and self.misfit.ratio is not None:
             lines.append(self.misfit.summary)
-            judged += ", as costs go" if self.misfit.ratio > diagnosis.RATIO_LIMIT else ""
-        return "\n".join([*lines, f"average J = {self.cost:.4g}: {judged}", *map(say, self.notes)])
+        told = [note for note in self.notes if note not in self.verdict.reasons]
+        lines += [
+            f"average J = {self.cost:.4g}: {self.judged}, as costs go",
+            self.verdict.text(say),
+        ]
+        return "\n".join([*lines, *map(say, (*self.verdict.reasons[1:], *told))])
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the numbers can be believed, and why not."""
+        return Verdict.of(self.notes)
 
     @property
     def judged(self) -> str:
-        """Judgement of the average cost; "degenerate" if the fit is."""
-        if self.degenerate:
-            return "degenerate"
+        """The guideline's word for the cost, which is no verdict."""
         return "excellent" if self.excellent else "acceptable" if self.acceptable else "too high"
 
     @property
@@ -172,6 +180,15 @@ class Fit(Value, Displayed):
         doubt = diagnosis.doubt(self.band, poles, self.misfit)
         return (
             *(Note("degenerate", text) for text in self.degenerate),
+            *self.data.evidence,
+            *self._failing,
+            *diagnosis.implausible(
+                self.structure,
+                {name: (one.value, one.standard_error) for name, one in self.parameters.items()},
+                poles,
+                self.data.line,
+            ),
+            *self.omitted,
             *([doubt] if doubt and not self.degenerate else []),
             *(Note.of(kind, text, remedy) for there, kind, text, remedy in said if there),
             *(
@@ -181,6 +198,18 @@ class Fit(Value, Displayed):
             *self.shapes,
             *(Note("data", flag) for flag in self.data.flags),
         )
+
+    @property
+    def _failing(self) -> tuple[Note, ...]:
+        """The response, or the average, whose J is beyond the guideline."""
+        worst = max(self.costs, key=lambda name: self.costs[name])
+        if self.costs[worst] > ACCEPTABLE_SINGLE_COST:
+            said = f"J of {worst} is {self.costs[worst]:.4g}, above {ACCEPTABLE_SINGLE_COST:g}"
+        elif self.cost > ACCEPTABLE_COST:
+            said = f"average J is {self.cost:.4g}, above {ACCEPTABLE_COST:g}; {worst} has most"
+        else:
+            return ()
+        return (Note("cost", f"{said}: the structure does not follow the data"),)
 
     @property
     def shapes(self) -> tuple[Note, ...]:
@@ -327,6 +356,8 @@ class Fit(Value, Displayed):
             "acceptable": self.acceptable,
             "searches_agreeing": self.searches_agreeing,
             "degenerate": list(self.degenerate),
+            "omitted": to_plain(self.omitted),
+            "verdict": self.verdict.to_dict(),
             "method": self.method,
             "windows_s": list(self.data.windows),
             "flags": list(self.data.flags),
@@ -384,6 +415,7 @@ class Fit(Value, Displayed):
             carried=_matrix(given.get("carried"), (free, errors), "carried"),
             misfit=left,
             degenerate=filed["degenerate"],
+            omitted=convert(tuple[Note, ...], given.get("omitted", ()), "omitted"),
             options=convert(_Table, filed["provenance"].get("options", {}), "options"),
             versions=convert(Mapping[str, str], filed["provenance"].get("versions"), "versions"),
         )

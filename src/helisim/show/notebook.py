@@ -105,7 +105,7 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
         f"Fit: {fit.structure.name}",
         paragraph(
             f"{', '.join(fit.costs)} from {low:.3g} to {high:.3g} rad/s, {fit.method} method; "
-            f"average cost {fit.cost:.4g}: {fit.judged}."
+            f"average cost {fit.cost:.4g}: {fit.judged}, as costs go; {fit.verdict}."
         ),
         page.table(tables.fitted(fit)),
         page.folded("modes", page.table(tables.fit_modes(fit))),

@@ -90,7 +90,8 @@ def write_fit_report(
     low, high = fit.band
     lead = (
         f"{'; '.join(fit.data.pairs)} from {len(fit.data.sources)} record(s), "
-        f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
+        f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}; "
+        f"{fit.verdict}."
     )
     bode = page.figures(draw_pair(item, *pair) for pair in pairs_of(fit))
     predicted = draw_verifications(f"time_{item.name}", verification)

@@ -1,0 +1,362 @@
+"""Verdicts beside truths: clean flights are to be "sound", damaged ones are not, or unharmed.
+
+Six truths that the package has no part in are simulated at 1 kHz by SciPy's matrix exponential and
+recorded at 100 Hz with noise; 22 kinds of damage are done to the first. A wrong number said with
+confidence is a main parameter more than three stated errors (and 1 %) off in a fit that is "sound".
+
+    python scripts/proof/verdicts.py [--seeds 10] [--clean 34] [--only saturates,clock]
+
+The exit status is 1 if a fit is sound and wrong, or 2 % of the clean ones are not sound.
+"""
+
+import argparse
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import cont2discrete
+
+from helisim.base.errors import HelisimError
+from helisim.ident import Structure, frequency_response, identify, structures
+from helisim.records.record import CHANNELS, Channel, FlightRecord
+
+FINE, EVERY = 1e-3, 10  # s of the simulation's step; samples of it between those recorded
+ERRORS, SHARE = 3.0, 0.01  # stated errors, and share of the value, from which a parameter is wrong
+ALLOWED = 0.02  # share of clean flights that may not be sound
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A structure with values, main parameters, sweeps' length (s) and noise of outputs (SI).
+
+    `pilot` has what an input gets of states, so that an unstable truth stays in place.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    main: tuple[str, ...]
+    noise: float
+    size: float = 0.1
+    band: tuple[float, float] = (0.5, 40.0)
+    length: float = 60.0
+    pilot: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+ROTOR = {"tau_f": 0.12, "L_b": 180.0, "M_a": 110.0, "A_b": 0.2, "B_a": -0.15, "A_lat": -0.01}
+ROTOR |= {"A_lon": 0.12, "B_lat": 0.1, "B_lon": 0.015, "tau_lat": 0.02, "tau_lon": 0.025}
+SPEEDS = ROTOR | {"A_u": 2e-3, "A_v": -5e-4, "L_p": 0.0, "M_q": 0.0}
+SHIP = structures.transfer_function(zeros=1, poles=2, input="ped", output="r", name="nomoto")
+PILOT = {"lat": {"phi": -0.4, "v": -0.02}, "lon": {"theta": -0.4, "u": 0.02}}
+ROLLPITCH = ("tau_f", "L_b", "M_a", "A_lon", "B_lat")
+TRUTHS = {
+    "rollpitch": Truth(structures.rollpitch, ROTOR, ROLLPITCH, 0.01),
+    "rollpitch_speeds": Truth(
+        structures.rollpitch_speeds, SPEEDS, ROLLPITCH, 0.01, size=0.05, pilot=PILOT
+    ),
+    "yaw": Truth(
+        structures.yaw_base,
+        {"N_r": -1.5, "N_ped": 60.0, "tau_r_base": 0.03},
+        ("N_r", "N_ped"),
+        0.01,
+    ),
+    "heave": Truth(
+        structures.heave_imu, {"Z_w": -1.1, "Z_col": -90.0, "tau_col": 0.02}, ("Z_w", "Z_col"), 0.3
+    ),
+    "ship": Truth(SHIP, dict(zip(SHIP.names, (60.0, 120.0, 8.9, 7.2, 0.04))), SHIP.names[:4], 0.01),
+    "slow": Truth(
+        structures.yaw_base,
+        {"N_r": -0.4, "N_ped": 8.0, "tau_r_base": 0.1},
+        ("N_r", "N_ped"),
+        0.02,
+        band=(0.3, 12.0),
+    ),
+}
+
+
+def sweep(length: float, band: tuple[float, float], size: float, seed: int) -> np.ndarray:
+    """Return an exponential sweep with the hand's noise and a rest of 3 s at both ends."""
+    time = np.arange(0.0, length, FINE)
+    dice = np.random.default_rng(seed)
+    low, high = 0.6 * band[0], 1.2 * band[1]
+    span = length - 6.0
+    there = np.clip((time - 3.0) / span, 0.0, 1.0)
+    share = 0.0187 * (np.exp(4.0 * there) - 1.0)
+    phase = np.cumsum(low + share * (high - low)) * FINE
+    fade = np.clip(np.minimum(time - 3.0, length - 3.0 - time) / 2.0, 0.0, 1.0)
+    hand = np.cumsum(dice.normal(size=time.size)) * FINE**0.5
+    hand -= np.convolve(hand, np.ones(4001) / 4001, "same")
+    return size * fade * np.sin(phase) + 0.05 * size * fade * hand
+
+
+def fly(
+    truth: Truth,
+    axis: str,
+    seed: int,
+    actuator: Callable[[np.ndarray], np.ndarray] | None = None,
+    values: Mapping[str, float] | None = None,
+    noise: float | None = None,
+) -> Columns:
+    """Return what a flight computer records of a sweep of one axis, inputs at the command."""
+    structure, numbers = truth.structure, truth.values if values is None else values
+    dice = np.random.default_rng([seed, structure.inputs.index(axis)])
+    matrices = structure.matrices(numbers)
+    m, f, g = (matrices[key] for key in "MFG")
+    a, b = np.linalg.solve(m, f), np.linalg.solve(m, g)
+    c = matrices["H0"] + matrices["H1"] @ a
+    d = matrices["D"] + matrices["H1"] @ b
+    command = {
+        name: sweep(truth.length, truth.band, truth.size * (1.0 if name == axis else 0.1), k)
+        for name, k in zip(structure.inputs, dice.integers(1 << 30, size=len(structure.inputs)))
+    }
+    ad, bd, *_ = cont2discrete((a, b, c, d), FINE, "zoh")
+    law = np.array(
+        [[truth.pilot.get(i, {}).get(x, 0.0) for x in structure.states] for i in structure.inputs]
+    )
+    state, asked = np.zeros(len(a)), np.stack(list(command.values()))
+    path = np.empty((asked.shape[1], len(a)))
+    if truth.pilot:  # without delay inside: what it commands is known as it goes
+        assert actuator is None
+        steps = np.rint(matrices["input_delays"].ravel() / FINE).astype(int)
+        for k in range(asked.shape[1]):
+            path[k] = state
+            asked[:, k] += law @ state
+            state = ad @ state + bd @ [asked[n, max(k - m, 0)] for n, m in enumerate(steps)]
+        driven = np.stack([_late(u, m * FINE) for u, m in zip(asked, steps)])
+        command = dict(zip(command, asked))
+    else:
+        late = matrices["input_delays"].ravel()
+        act = actuator or (lambda u: u)
+        driven = np.stack([_late(act(u), s) for u, s in zip(asked, late)])
+        for k, u in enumerate((bd @ driven).T):
+            path[k] = state
+            state = ad @ state + u
+    out = path @ c.T + driven.T @ d.T
+    size = truth.noise if noise is None else noise
+    late = matrices["output_delays"].ravel()
+    columns = {name: u[::EVERY].copy() for name, u in command.items()}
+    for name, y, s in zip(structure.outputs, out.T, late):
+        columns[name] = _late(y, s)[::EVERY] + dice.normal(0.0, size, out[::EVERY].shape[0])
+    for rate, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
+        if rate in structure.outputs:
+            exact = np.cumsum(_late(out[:, structure.outputs.index(rate)], 0.0)) * FINE
+            columns[angle] = exact[::EVERY] + dice.normal(0.0, 0.1 * size, columns[rate].size)
+    return columns
+
+
+def _late(values: np.ndarray, delay: float) -> np.ndarray:
+    time = np.arange(values.size) * FINE
+    return np.interp(time - delay, time, values)
+
+
+def record(columns: Columns, step: float = FINE * EVERY) -> FlightRecord:
+    names = list(columns)
+    time = np.arange(columns[names[0]].size) * step
+    channels = [CHANNELS.get(name) or Channel(name, "1", "OTHER", name) for name in names]
+    return FlightRecord(time, np.column_stack([columns[name] for name in names]), tuple(channels))
+
+
+def flights(truth: Truth, seed: int, **how) -> list[FlightRecord]:
+    """Return two sweeps of each axis."""
+    return [
+        record(fly(truth, axis, 10 * seed + k, **how))
+        for axis in truth.structure.inputs
+        for k in (0, 1)
+    ]
+
+
+def changed(change: Callable[[Columns, int], Columns], attitude: bool = True, step: float = 0.01):
+    """Return a damage that changes recorded columns."""
+
+    def damage(truth: Truth, seed: int) -> list[FlightRecord]:
+        found = []
+        for axis in truth.structure.inputs:
+            for k in (0, 1):
+                columns = change(fly(truth, axis, 10 * seed + k), 100 * seed + k)
+                if not attitude:
+                    columns = {n: v for n, v in columns.items() if n not in ("phi", "theta", "psi")}
+                found.append(record(columns, step))
+        return found
+
+    return damage
+
+
+def within(change: Callable[[np.ndarray], np.ndarray]):
+    """Return a damage between the command and the vehicle."""
+    return lambda truth, seed: flights(truth, seed, actuator=change)
+
+
+def exchanged(one: str, other: str):
+    swap = {one: other, other: one}
+    return changed(lambda c, _: {swap.get(n, n): v for n, v in c.items()})
+
+
+def scaled(factor: float, names: tuple[str, ...]):
+    return lambda c, _: {n: v * factor if n in names else v for n, v in c.items()}
+
+
+def two_trims(truth: Truth, seed: int) -> list[FlightRecord]:
+    other = dict(truth.values) | {"L_b": 110.0}
+    return [
+        record(fly(truth, axis, 10 * seed + k, values=(truth.values, other)[k]))
+        for axis in truth.structure.inputs
+        for k in (0, 1)
+    ]
+
+
+def lag(u: np.ndarray, tau: float = 0.03) -> np.ndarray:
+    out, state, share = np.empty_like(u), 0.0, 1.0 - np.exp(-FINE / tau)
+    for k, x in enumerate(u):
+        out[k] = state = state + share * (x - state)
+    return out
+
+
+def dropped(c: Columns, seed: int) -> Columns:
+    keep = np.random.default_rng(seed).random(c["p"].size) > 0.02
+    return {n: v[keep] for n, v in c.items()}
+
+
+def bursts(c: Columns, seed: int, share: float = 0.16) -> Columns:
+    """Lose bursts of 20 to 250 ms, all columns at once, filled by straight lines."""
+    dice, n = np.random.default_rng(seed), c["p"].size
+    known = np.ones(n, bool)
+    while known.mean() > 1.0 - share:
+        at = dice.integers(1, n - 30)
+        known[at : at + dice.integers(2, 26)] = False
+    k = np.arange(n)
+    return {name: np.interp(k, k[known], v[known]) for name, v in c.items()}
+
+
+def gusts(truth: Truth, seed: int) -> list[FlightRecord]:
+    found = []
+    for n, one in enumerate(flights(truth, seed)):
+        dice = np.random.default_rng([seed, n])
+        values = one.values.copy()
+        for name in ("p", "q"):
+            push = dice.normal(size=len(one))
+            for _ in range(2):
+                push = np.convolve(push, np.exp(-np.arange(200) / 50.0), "same")
+            values[:, one.names.index(name)] += 0.3 * push / push.std()
+        found.append(FlightRecord(one.time, values, one.channels))
+    return found
+
+
+def hysteresis(u: np.ndarray) -> np.ndarray:
+    out, at, half = np.empty_like(u), 0.0, 0.02
+    for k, x in enumerate(u):
+        out[k] = at = min(max(at, x - half), x + half)
+    return out
+
+
+def rate_limit(u: np.ndarray) -> np.ndarray:
+    out, at, most = np.empty_like(u), 0.0, 0.8 * FINE
+    for k, x in enumerate(u):
+        at += min(max(x - at, -most), most)
+        out[k] = at
+    return out
+
+
+RATES, ANGLES = ("p", "q"), ("phi", "theta")
+DEG = 180.0 / np.pi
+DAMAGES = {
+    "saturates at half": within(lambda u: np.clip(u, -0.05, 0.05)),
+    "softens with size": within(lambda u: 0.1 * np.tanh(u / 0.1) * 0.9),
+    "hysteresis": within(hysteresis),
+    "rate limit": within(rate_limit),
+    "p and q swapped": exchanged("p", "q"),
+    "lat and lon swapped": exchanged("lat", "lon"),
+    "servo lag missing": lambda t, s: flights(t, s, actuator=lag, noise=0.052),
+    "servo lag, quiet": within(lag),
+    "two trims": two_trims,
+    "clock 10 % fast": changed(lambda c, _: c, step=0.009),
+    "clock 20 % fast": changed(lambda c, _: c, step=0.008),
+    "rates in deg/s": changed(scaled(DEG, RATES)),
+    "rates in deg/s, no attitude": changed(scaled(DEG, RATES), attitude=False),
+    "2 % dropped, restamped": changed(dropped),
+    "16 % lost in bursts, filled": changed(bursts),
+    "p of the wrong sign": changed(scaled(-1.0, ("p",))),
+    "attitude in degrees": changed(scaled(DEG, ANGLES)),
+    "gusts": gusts,
+    "rate 20 % off": changed(scaled(1.2, ("p",))),
+    "output filter of 40 ms": changed(
+        lambda c, _: {
+            n: lag(np.repeat(v, EVERY), 0.04)[::EVERY] if n in RATES else v for n, v in c.items()
+        }
+    ),
+    "motion clipped": changed(
+        lambda c, _: {
+            n: np.clip(v, -0.4 * abs(v).max(), 0.4 * abs(v).max()) if n in RATES else v
+            for n, v in c.items()
+        }
+    ),
+    "time shift of outputs": changed(
+        lambda c, _: {n: np.roll(v, -6) if n not in ("lat", "lon") else v for n, v in c.items()}
+    ),
+}
+
+
+class Judged(NamedTuple):
+    """A fit's verdict, its reasons, and the worst main parameter in stated errors and as share."""
+
+    word: str
+    reasons: tuple[str, ...]
+    errors: float = 0.0
+    share: float = 0.0
+
+
+def judged(truth: Truth, records: list[FlightRecord]) -> Judged:
+    """Identify the records, and return the verdict beside the truth."""
+    inputs, outputs = truth.structure.inputs, truth.structure.outputs
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            frf = frequency_response(records, inputs=inputs, outputs=outputs, band=truth.band)
+            fit = identify(frf, truth.structure)
+    except HelisimError as error:
+        return Judged("refused", (str(error),))
+    size = {name: abs(truth.values[name]) for name in truth.main}
+    gap = {name: abs(fit[name].value - truth.values[name]) for name in truth.main}
+    least = SHARE / ERRORS
+    return Judged(
+        fit.verdict.word,
+        tuple(note.text for note in fit.verdict.reasons),
+        max(gap[name] / max(fit[name].standard_error, least * size[name]) for name in gap),
+        max(gap[name] / size[name] for name in gap),
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=10, help="of each damage")
+    parser.add_argument("--clean", type=int, default=34, help="flights of each truth")
+    parser.add_argument("--only", default="", help="parts of names, with commas between")
+    o = parser.parse_args()
+    cases = [(name, "rollpitch", damage, o.seeds) for name, damage in DAMAGES.items()]
+    cases += [(f"clean {name}", name, flights, o.clean) for name in TRUTHS]
+    wrong = clean = unsound = 0
+    print(f"{'damage':28s}  verdicts; sound yet wrong; worst error, stated errors and share")
+    for name, truth, damage, count in cases:
+        if not any(one in name for one in o.only.split(",")) or not count:
+            continue
+        found = [judged(TRUTHS[truth], damage(TRUTHS[truth], seed)) for seed in range(count)]
+        words = [one.word for one in found]
+        bad = sum(one.word == "sound" and one.errors > ERRORS for one in found)
+        wrong += bad
+        if damage is flights:
+            clean, unsound = clean + count, unsound + count - words.count("sound")
+        said = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+        worst = max(found, key=lambda one: one.errors)
+        print(
+            f"{name:28s}  {said}; {bad}; {worst.errors:.1f}, {100 * worst.share:.1f} %",
+            *(f"\n    {one}" for one in found[0].reasons[:1]),
+            flush=True,
+        )
+    print(f"sound yet wrong: {wrong}; clean and not sound: {unsound} of {clean}")
+    return int(wrong > 0 or unsound > ALLOWED * clean)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,316 @@
+"""Evidence in records that what is identified from them may be wrong, beyond any stated error.
+
+Each check compares the records with themselves, and needs no model: a rate with its attitude, a
+response with the powers of its signals (harmonics of a sweep), one half of the records with the
+other, on-axis with off-axis responses, samples with straight lines.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from helisim.base.note import Note
+from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
+from helisim.ident.response import FrequencyResponse
+from helisim.records.record import ATTITUDES, IN1, IN2, RATES, Channel, FlightRecord
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
+_APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next
+_FREEDOM = 4.0  # spare lines that a band needs
+_SURE = 6.0  # standard deviations of a statistic by chance: none of a million
+_ERRORS = 3.0
+_SLOPE = 0.01  # error of a rate's slope that a good gyro has
+_HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
+_BENT = 0.03  # share of a response that its signals' size may change
+_DIFFERENT = 0.05  # rms of a response's relative difference between records
+_LOUD = 9.0  # times its variance that a squared response needs to be compared
+_FILLED = 0.005  # share of samples that may lie on straight lines
+_STRAIGHT = 3  # samples in a row on a straight line in all channels that were filled
+_ANGLES = dict(zip(RATES, ATTITUDES))
+_PAIRS = tuple(
+    (pair, axes) for pair, axes in ((("p", "q"), (cyclic[2], cyclic[1])) for cyclic in (IN1, IN2))
+)
+
+
+def evidence(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> tuple[Note, ...]:
+    """Return what the records themselves say against a response, the gravest first."""
+    inputs = (*frf.inputs, *frf.conditioning)
+    with np.errstate(all="ignore"):
+        return (
+            *_slopes(flights, frf),
+            *_crossed(frf),
+            *_nonlinear(flights, frf, inputs),
+            *_halves(flights, frf, inputs),
+            *_filled(flights, (*inputs, *frf.outputs)),
+        )
+
+
+def _slopes(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator[Note]:
+    """Yield what rates and the slopes of attitudes, integrated alike, say of each other."""
+    have = [name for name in RATES if all({name, _ANGLES[name]} <= {*one.names} for one in flights)]
+    if not {*have} & {*frf.outputs}:
+        return
+    slopes, error = _slope_matrix(flights, have, (frf.frequency[0], frf.frequency[-1]))
+    for order in permutations(range(len(have))):
+        moved = [(k, n) for k, n in enumerate(order) if k != n]
+        if moved and all(
+            abs(slopes[k, n]) > _HALVES > abs(slopes[k, k]) and error[k, n] < 0.1 for k, n in moved
+        ):
+            said = ", ".join(f"{have[k]} is d({_ANGLES[have[n]]})/dt" for k, n in moved)
+            yield Note("columns", f"columns of rates or angles are swapped: {said}")
+            return
+    for k, name in enumerate(have):
+        slope, off = slopes[k, k], abs(slopes[k, k] - 1.0)
+        if name in frf.outputs and off > max(_SLOPE, _ERRORS * error[k, k]):
+            kind = "sign" if slope < -_HALVES else "unit" if abs(math.log(slope)) > 1.0 else "clock"
+            why = {
+                "sign": "the sign of one of them is wrong",
+                "unit": "the unit of one of them is wrong",
+                "clock": "the clock runs wrong, samples are missing, or a scale is wrong",
+            }[kind]
+            text = f"{name} is {slope:.4g} +- {error[k, k]:.2g} times d({_ANGLES[name]})/dt: {why}"
+            yield Note(kind, text)
+
+
+def _slope_matrix(
+    flights: Sequence[FlightRecord], rates: Sequence[str], band: tuple[float, float]
+) -> tuple[Real, Real]:
+    """Return rates over the rates that the attitude's slopes make, (n, n), with errors."""
+    measured, predicted = [], []
+    for one in flights:
+        step, own = one.sample_time, one.select(rates)
+        # both through the same filter: central differences of what the trapezoidal rule integrates
+        smooth = own.copy()
+        smooth[1:-1] = 0.25 * (own[:-2] + 2.0 * own[1:-1] + own[2:])
+        made = _turning({name: one[name] for name in ATTITUDES if name in one.names}, step)
+        both = np.column_stack([smooth, *(made[name] for name in rates)])[1:-1]
+        omega = 2.0 * np.pi * fft.rfftfreq(len(both), step)
+        inside = (omega >= band[0]) & (omega <= band[1])
+        lines = fft.rfft(both - both.mean(axis=0), axis=0)[inside] / omega[inside, None]
+        measured.append(lines[:, : len(rates)])
+        predicted.append(lines[:, len(rates) :])
+    b, a = np.concatenate(measured), np.concatenate(predicted)
+    forward, error = _regressed(b, a)
+    back, _ = _regressed(a, b)
+    # noise in either makes its own regression too flat: the truth is between the two
+    inverse = np.linalg.pinv(back)
+    between = 0.5 * np.abs(forward - inverse)
+    return 0.5 * (forward + inverse), np.hypot(error, between)
+
+
+def _regressed(b: Complex, a: Complex) -> tuple[Real, Real]:
+    normal = np.linalg.pinv(np.real(a.conj().T @ a))
+    slope = (normal @ np.real(a.conj().T @ b)).T
+    left = np.abs(b - a @ slope.T) ** 2  # larger at some lines than at others, so no common level
+    weight = np.abs(a @ normal) ** 2
+    return slope, np.sqrt(0.5 * left.T @ weight * len(a) / max(len(a) - a.shape[1], 1))
+
+
+def _turning(angles: Mapping[str, Real], step: float) -> dict[str, Real]:
+    """Return body rates by the slopes of the attitude angles; of single angles their slopes."""
+    slope = {name: np.gradient(angle, step) for name, angle in angles.items()}
+    if len(angles) < len(ATTITUDES):
+        return {rate: slope[angle] for rate, angle in _ANGLES.items() if angle in slope}
+    phi, theta = angles["phi"], angles["theta"]
+    return {
+        "p": slope["phi"] - slope["psi"] * np.sin(theta),
+        "q": slope["theta"] * np.cos(phi) + slope["psi"] * np.sin(phi) * np.cos(theta),
+        "r": slope["psi"] * np.cos(phi) * np.cos(theta) - slope["theta"] * np.sin(phi),
+    }
+
+
+def _crossed(frf: FrequencyResponse) -> Iterator[Note]:
+    """Yield whether cyclic moves the other axis more than its own."""
+    for outputs, inputs in _PAIRS:
+        if {*outputs} <= {*frf.outputs} and {*inputs} <= {*frf.inputs}:
+            size = np.abs(frf.response)
+            size = np.where(frf.usable(), size, np.nan)
+            own, other = (
+                np.nanmedian(
+                    [
+                        np.log(size[frf.index(o, i)])
+                        for o, i in zip(outputs, order)
+                        if np.any(np.isfinite(size[frf.index(o, i)]))
+                    ]
+                    or [-np.inf]
+                )
+                for order in (inputs, inputs[::-1])
+            )
+            if other > own:
+                yield Note(
+                    "columns",
+                    f"{inputs[0]} and {inputs[1]} move the other axis more than their own, "
+                    f"{math.exp(other - own):.3g} times: columns of {' and '.join(outputs)}, or of "
+                    f"{' and '.join(inputs)}, may be swapped",
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class _Bands:
+    """Bands that do not overlap, with what a fit of the records left in each."""
+
+    frequency: Real
+    fit: BandFit
+
+    @property
+    def enough(self) -> NDArray[np.bool_]:
+        return self.fit.fits & (self.fit.freedom >= _FREEDOM)
+
+    @property
+    def variance(self) -> Real:
+        """E|dH|^2, (n_freq, n_response, n_drive)."""
+        own = np.sum(np.abs(self.fit.weight) ** 2, axis=(2, 3))
+        return np.real(np.diagonal(self.fit.residual, axis1=1, axis2=2))[:, :, None] * own[:, None]
+
+
+def _bands(lines: Lines, drive: Sequence[str], response: Sequence[str], frf) -> _Bands:
+    low, high = frf.frequency[0] / (1.0 - _HALF), frf.frequency[-1] / (1.0 + _HALF)
+    count = max(int(math.log(max(high / low, 1.0)) / math.log(_APART)) + 1, 1)
+    frequency = np.geomspace(low, max(high, low), count) if count > 1 else np.array([low])
+    places = lines.places(drive), lines.places(response)
+    fit = fit_band(lines, *places, frequency, _HALF * frequency, transient=True, poles=False)
+    return _Bands(frequency, fit)
+
+
+def _nonlinear(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+) -> Iterator[Note]:
+    """Yield outputs in which cubes of signals explain what the inputs themselves don't.
+
+    The cube's part that goes with the input is in the response; what is left of it has the
+    response's error, so that its share follows: a sweep's cube has three times its frequency.
+    """
+    made, why = _with_cubes(flights, frf, inputs)
+    highest = float(frf.frequency[-1])
+    bands = _bands(flight_lines(made, made[0].names, highest), inputs, (*frf.outputs, *why), frf)
+    n_out, left = len(frf.outputs), bands.fit.residual
+    for o, output in enumerate(frf.outputs):
+        found = []
+        for c, said in enumerate(why.values(), start=n_out):
+            power = np.real(left[:, o, o] * left[:, c, c])
+            coherence = np.abs(left[:, o, c]) ** 2 / np.maximum(power, 1e-300)
+            slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
+            part = slope[:, None] * bands.fit.gain[:, c]
+            whole, ok = bands.fit.gain[:, o], bands.enough
+            own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
+            weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
+            count = np.count_nonzero(ok)
+            chance = float(np.sum((bands.fit.freedom * coherence)[ok])) - count
+            share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
+                np.sum(weight > 0), 1
+            )
+            if count and chance > _SURE * math.sqrt(count) and abs(share) > _BENT:
+                found.append((chance, share, said))
+        if found:
+            _, share, said = max(found)
+            yield Note(
+                "nonlinear",
+                f"{output}: the cube of {said} explains what no linear response does; {output} "
+                f"would be {abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
+                f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
+                "friction",
+            )
+
+
+def _with_cubes(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+) -> tuple[list[FlightRecord], dict[str, str]]:
+    """Return records with cubes of inputs, of their speeds and of the predicted outputs."""
+    made, why = [], {}
+    for one in flights:
+        step, columns = one.sample_time, {}
+        for name in inputs:
+            u = one[name] - one[name].mean()
+            columns[f"{name}^3"], why[f"{name}^3"] = u**3, name
+            columns[f"{name}'^3"], why[f"{name}'^3"] = np.gradient(u, step) ** 3, f"{name}'s speed"
+        for name, y in zip(frf.outputs, _predicted(one, frf).T):
+            columns[f"{name}^3"], why[f"{name}^3"] = y**3, name
+        signals = (*inputs, *frf.outputs)
+        values = np.column_stack([one.select(signals), *columns.values()])
+
+        channels = [one.channels[one.names.index(name)] for name in signals]
+        channels += [Channel(name, "1", "OTHER", name) for name in columns]
+        made.append(FlightRecord(one.time, values, tuple(channels)))
+    return made, why
+
+
+def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
+    """Return the outputs that the response makes of the inputs, in its band, (n_time, n_out)."""
+    omega = 2.0 * np.pi * fft.rfftfreq(len(one), one.sample_time)
+    inside = (omega >= frf.frequency[0]) & (omega <= frf.frequency[-1])
+    driven = fft.rfft(one.select(frf.inputs) - one.select(frf.inputs).mean(axis=0), axis=0)
+    lines = np.zeros((omega.size, len(frf.outputs)), dtype=np.complex128)
+    for o in range(len(frf.outputs)):
+        for i in range(len(frf.inputs)):
+            gain = np.interp(omega[inside], frf.frequency, frf.response[o, i])
+            lines[inside, o] += gain * driven[inside, i]
+    return np.asarray(fft.irfft(lines, n=len(one), axis=0))
+
+
+def _halves(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+) -> Iterator[Note]:
+    """Yield responses that differ between one half of the records and the other."""
+    power = np.array([np.var(one.select(inputs), axis=0) for one in flights])
+    mainly = np.argmax(power / np.maximum(power.max(axis=0), 1e-300), axis=1)
+    sides: tuple[list[FlightRecord], list[FlightRecord]] = ([], [])
+    for axis in range(len(inputs)):
+        of = [one for one, main in zip(flights, mainly) if main == axis]
+        middle = (len(of) + 1) // 2
+        sides[0].extend(of[:middle])
+        sides[1].extend(of[middle:] or of)
+    if len(flights) == len({*mainly.tolist()}):
+        return
+    highest = float(frf.frequency[-1])
+    names = (*inputs, *frf.outputs)
+    one, other = (
+        _bands(flight_lines(side, names, highest), inputs, frf.outputs, frf) for side in sides
+    )
+    ok = (one.enough & other.enough)[:, None, None]
+    variance = one.variance + other.variance
+    mean = 0.5 * (one.fit.gain + other.fit.gain)
+    ok = ok & (np.abs(mean) ** 2 > _LOUD * variance)
+    gap = np.abs(one.fit.gain - other.fit.gain) ** 2
+    for o, output in enumerate(frf.outputs):
+        for i, input_ in enumerate(frf.inputs):
+            at = ok[:, o, i]
+            if not (count := np.count_nonzero(at)):
+                continue
+            chance = float(np.sum(gap[at, o, i] / variance[at, o, i])) - count
+            relative = math.sqrt(np.mean(gap[at, o, i] / np.abs(mean[at, o, i]) ** 2))
+            if chance > _SURE * math.sqrt(2.0 * count) and relative > _DIFFERENT:
+                yield Note(
+                    "records",
+                    f"{output}/{input_} differs by {100.0 * relative:.2g} % rms between one half "
+                    "of the records and the other, beyond noise: other conditions, sizes or "
+                    "vehicles; identify them apart",
+                )
+
+
+def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[Note]:
+    """Yield the share of samples that were filled by straight lines in all channels at once."""
+    lost, total = 0, 0
+    for one in flights:
+        values = one.select(names)
+        size = np.maximum(np.ptp(values, axis=0), 1e-300)
+        bend = np.abs(np.diff(values, 2, axis=0)) <= 1e-9 * size
+        moves = np.any(np.abs(np.diff(values, axis=0)[1:]) > 1e-9 * size, axis=1)
+        straight = np.all(bend, axis=1) & moves
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
+        lengths = edges[1::2] - edges[::2]
+        lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
+        total += len(one)
+    if lost > _FILLED * total:
+        yield Note(
+            "lost",
+            f"{100.0 * lost / total:.2g} % of the samples lie on straight lines in all channels: "
+            "they were lost and filled, and nothing between them is known",
+        )
