@@ -116,8 +116,8 @@ def _scatter(cost: Cost, scale: Real) -> Real | None:
     relative = cost.points.covariance
     if relative is None:
         return None
-    blocks = np.block([[relative.real, -relative.imag], [relative.imag, relative.real]])
-    return 0.5 * blocks * np.outer(scale, scale)
+    real, imag = np.real(relative), np.imag(relative)
+    return 0.5 * np.block([[real, -imag], [imag, real]]) * np.outer(scale, scale)
 
 
 def _spread(

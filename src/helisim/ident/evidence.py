@@ -34,7 +34,7 @@ _DIFFERENT = 0.05  # rms of a response's relative difference between records
 _LOUD = 9.0  # times its variance that a squared response needs to be compared
 _FILLED = 0.005  # share of samples that may lie on straight lines
 _STRAIGHT = 3  # samples in a row on a straight line in all channels that were filled
-_ANGLES = dict(zip(RATES, ATTITUDES))
+_ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _PAIRS = tuple(
     (pair, axes) for pair, axes in ((("p", "q"), (cyclic[2], cyclic[1])) for cyclic in (IN1, IN2))
 )
