@@ -156,7 +156,7 @@ def _omitted_lags(
     column = turned - np.log1p(turned)
     for number, name in enumerate(cost.structure.inputs):
         mine = np.where(at.input == number, column, 0.0)
-        slope = scale * np.concatenate([mine.real, mine.imag])
+        slope = scale * np.concatenate([np.real(mine), np.imag(mine)])
         gain = np.linalg.pinv(np.column_stack([jacobian, slope]))
         *shift, size = -(gain @ left)
         *errors, error = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, scatter, gain), 0.0))
