@@ -42,12 +42,7 @@ RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
 
 @dataclass(frozen=True)
 class LinearFlight:
-    """Padfield's linear model of level flight at one speed.
-
-    Attributes:
-        a: rows of the state matrix, `STATES` by `STATES`.
-        b: rows of the input matrix, `STATES` by `INPUTS`.
-    """
+    """Padfield's matrices, `STATES` by `STATES` and by `INPUTS`."""
 
     a: tuple[tuple[float, ...], ...]
     b: tuple[tuple[float, ...], ...]
@@ -58,14 +53,7 @@ class LinearFlight:
 
 @dataclass(frozen=True)
 class FullScale:
-    """Linear models and trims of a full-scale helicopter, by two sources.
-
-    Attributes:
-        padfield: airspeed, kn -> linear model.
-        thesis_knots: airspeeds of the thesis's curves, kn.
-        thesis_trims: angles (rad), mean inflow ratio and the tail's thrust coefficient there.
-        thesis_derivatives: by name; products of inertia are in those of L and N.
-    """
+    """Prints by airspeed, kn; products of inertia are in the thesis's L and N."""
 
     padfield: Mapping[int, LinearFlight]
     thesis_knots: tuple[int, ...]
@@ -182,10 +170,6 @@ def without_kinematics(values: Mapping[str, float], speed: float, theta: float) 
 
 @cache
 def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
-    """Return every number of a print that is compared, the model with some parameters changed.
-
-    A derivative's difference is small beside the largest of its axis.
-    """
     book, found = source == PADFIELD, []
     for k, flight in enumerate(flights(changes if book else (*_AS_THESIS, *changes))):
         if book and flight.knots not in LYNX.padfield:
@@ -277,10 +261,6 @@ def _tail(knots: int) -> tuple[float, float, float, float]:
 
 
 def more_tail_inflow(row: Row) -> float:
-    """Return what the thesis's factor of inflow changes in the tail's effectiveness.
-
-    A thrust of a sigma / 2 (theta / 3 - lambda / 2) makes an inflow that takes back part of it.
-    """
     slope, advance, _, induced = _tail(row.knots)
     speed = np.hypot(advance, induced)
     taken = 0.25 * slope / (2.0 * (speed + induced**2 / speed))
@@ -329,13 +309,13 @@ def table(source: str) -> str:
         own = [row for row in mine if row.name == name]
         scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
         shown = f"{name}, deg" if name in ANGLES else name
-        cells = ["".join(f"{scale * getattr(row, one):>9.4g} " for row in own) for one in _BOTH]
+        cells = [
+            "".join(f"{scale * getattr(row, one):>9.4g} " for row in own)
+            for one in ("printed", "found")
+        ]
         lines += [f"{shown:<12}{'':>4}{cells[0]}", f"{'':<9}model: {cells[1]}"]
         lines.append(f"{'':<10}off, %" + "".join(f"{_percent(r):>9}{_sign(r):1}" for r in own))
     return "\n".join(lines)
-
-
-_BOTH = ("printed", "found")
 
 
 def _sign(row: Row) -> str:

@@ -50,8 +50,6 @@ RISE = {"model": 1.25 / 5.75**2, "full": 0.4 / 5.73**2}
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rotor's numbers by their names in `PARAM`, behind main_."""
-
     solidity: float
     lift_slope: float
     profile_drag: float
@@ -86,12 +84,10 @@ class Rotor:
         return main, main.thrust / unit, main.torque / unit, force / unit
 
     def torque(self, thrust: float, down: float = 0.0) -> float:
-        """Return CQ at a CT, in hover or vertical descent, over the tip speed."""
         pitch = brentq(lambda one: self.at(one, 0.0, down)[1] - thrust, -0.3, 0.5)
         return self.at(pitch, 0.0, down)[2]
 
     def flapped(self, pitch: float, ahead: float, down: float) -> tuple[Any, float]:
-        """Return `at` with the tilt that airspeed asks for of blades without cyclic pitch."""
         back = 0.0
         for _ in range(30):
             found = self.at(pitch, ahead, down, back)
@@ -100,8 +96,6 @@ class Rotor:
 
 
 class Row(NamedTuple):
-    """A figure of a source, the model's with all on, and before."""
-
     source: str
     what: str
     printed: float
@@ -123,7 +117,6 @@ def autorotation(rotor: Rotor, thrust: float) -> float:
 
 @cache
 def glide(rotor: Rotor, advance: float) -> tuple[float, float]:
-    """Return CL and L/D of the PCA-2's rotor in autorotation."""
     pitch = math.radians(2.7)
     down = brentq(lambda one: rotor.flapped(pitch, advance, one)[0][2], -0.01, 0.2)
     force, along = rotor.flapped(pitch, advance, down)[0][3], np.array([advance, 0.0, down])
@@ -164,7 +157,6 @@ POWER = FORCE * TIP / HORSEPOWER
 
 
 def cruise(rotor: Rotor) -> dict[str, float]:
-    """Return trim and power at a thrust along the normal of the tips' plane, which leans ahead."""
     thrust, climb = 20790.0 * POUND / FORCE, ADVANCE * math.tan(LEAN)
 
     def miss(unknown: Any) -> list[float]:

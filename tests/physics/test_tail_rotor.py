@@ -88,3 +88,21 @@ def test_flow_from_below_is_edgewise_too(par):
             assert getattr(other, name) == pytest.approx(getattr(ahead, name), rel=1e-12)
     assert ahead.drag_x == pytest.approx(down.drag_z * -1.0)
     assert ahead.drag_x < 0.0 == pytest.approx(ahead.drag_z)
+
+
+def test_its_own_ring_takes_its_damping(par):
+    """Prouty has it in its ring where 0.4 to 0.8 of v_h blow into its wake, 2.5 to 5 m/s here."""
+    disc = math.pi * par[PARAM.tail_radius] ** 2
+
+    def thrust(aside):
+        motion = Velocities(0.0, aside, 0.0, 0.0, 0.0, 0.0)
+        return tail_rotor(par, motion, 1.0, 0.0).thrust
+
+    induced = math.sqrt(thrust(0.0) / (2.0 * par[PARAM.air_density] * disc))
+
+    def slope(descent):
+        return thrust((descent + 0.02) * induced) - thrust((descent - 0.02) * induced)
+
+    kept = {descent: slope(descent) / slope(0.0) for descent in (0.1, 0.4, 0.6, 0.8, 1.5)}
+    assert kept[0.1] > 0.9 < kept[1.5]
+    assert max(abs(kept[one]) for one in (0.4, 0.6, 0.8)) < 0.3  # 0.25 as it begins
