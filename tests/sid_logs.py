@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from autopilot_logs import Log
+from helisim.base.units import STANDARD_GRAVITY as G
 from helisim.ident import structures
 from helisim.ident.evaluate import linear
 
@@ -24,13 +25,20 @@ TRUTH = {
 }  # fmt: skip
 _FEEDBACK = np.array([0.04, 0.08, 0.05])
 """Command by p, q and r, s/rad."""
+_LEAN = 0.3
+"""Lateral command by bank angle, where there is sideslip; without it nothing holds the bank."""
+SLIP = {"N_v": 6.0, "Y_v": -1.0, "Y_ped": -6.0}
+"""Yaw and side acceleration by side velocity and pedal: N_r seems N_v Y_ped / N_ped larger."""
 _MIXED = 0.15
 """Of each cyclic command that goes to the other one too, as from a rotor's phase."""
 
 
-def _system():
-    """Return A, B of p, q, a, b, r, w over lat, lon, ped, col."""
-    a, b = np.zeros((6, 6)), np.zeros((6, 4))
+def _system(slip):
+    """Return A, B of p, q, a, b, r, w, phi, v over lat, lon, ped, col."""
+    a, b = np.zeros((8, 8)), np.zeros((8, 4))
+    if slip:
+        a[6, 0], a[7, [3, 6]] = 1.0, G
+        a[4, 7], a[7, 7], b[7, 2] = SLIP["N_v"], SLIP["Y_v"], SLIP["Y_ped"]
     places = {
         "rollpitch_speeds": (slice(0, 4), slice(0, 2)),
         "yaw_base": (slice(4, 5), slice(2, 3)),
@@ -56,21 +64,23 @@ def chirp(time, low, high, length):
 @cache
 def flown(
     axis, *, rate=100.0, low=0.5, high=8.0, length=24.0, noise=0.0, seed=0, magnitude=0.05,
-    pulses=0.0,
+    pulses=0.0, slip=False,
 ):  # fmt: skip
     """Return time of a sweep by its start, what was injected, its frequency, commands and motion.
 
     `axis` is of SID_AXIS: 10 to 13, or 1 to 9, which inject the same elsewhere; frequencies and
     `rate` are in Hz; `noise` turns it, rad/s^2 rms; `pulses` are those of the tail's travel to one
-    side, us, 0 for a servo that takes any number.
+    side, us, 0 for a servo that takes any number. Motion is p, q, r, dw/dt, dp/dt, dr/dt, phi and
+    dv/dt - g phi; `slip` lets it move sideways, and yaw by that.
     """
     time = np.arange(round((length + 4.0) * rate)) / rate
     injected, frequency = chirp(time - 1.0, low, high, length)
     injected = magnitude * np.where(time < 1.0, 0.0, injected)
-    a, b = _system()
-    held = expm(np.block([[a, b], [np.zeros((4, 10))]]) / rate)
-    held, driven = held[:6, :6], held[:6, 6:]
-    back = np.zeros((4, 6))
+    a, b = _system(slip)
+    held = expm(np.block([[a, b], [np.zeros((4, 12))]]) / rate)
+    held, driven = held[:8, :8], held[:8, 8:]
+    back = np.zeros((4, 8))
+    back[0, 6] = -_LEAN * slip
     back[[0, 1, 2], [0, 1, 4]] = -_FEEDBACK
     back[0, 1] = _MIXED * _FEEDBACK[1]
     added = np.zeros((time.size, 4))
@@ -79,15 +89,17 @@ def flown(
     random = np.random.default_rng(seed).standard_normal((time.size, 3)) * noise / rate
     pushed = added @ driven.T
     pushed[:, [0, 1, 4]] += random
-    closed, states = held + driven @ back, np.zeros((time.size, 6))
+    closed, states = held + driven @ back, np.zeros((time.size, 8))
     for k in range(time.size - 1):
         states[k + 1] = closed @ states[k] + pushed[k]
         if pulses:
             pedal = back[2] @ states[k] + added[k, 2]
             states[k + 1] += driven[:, 2] * (np.trunc(pedal * pulses) / pulses - pedal)
     commands = states @ back.T + added
-    climbing = states @ a[5] + commands @ b[5]
-    return time, injected, frequency, commands, np.column_stack([states[:, [0, 1, 4]], climbing])
+    rates = states @ a.T + commands @ b.T
+    rates[:, 7] -= G * states[:, 6]
+    motion = [states[:, [0, 1, 4]], rates[:, [5, 0, 4]], states[:, 6], rates[:, 7]]
+    return time, injected, frequency, commands, np.column_stack(motion)
 
 
 class SidLog(Log):
@@ -111,6 +123,8 @@ class SidLog(Log):
             6, "RATE", "Q" + 12 * "f", "TimeUS,RDes,R,ROut,PDes,P,POut,YDes,Y,YOut,ADes,A,AOut",
             units="skk-kk-kk----", multipliers="F------------",
         )  # fmt: skip
+        self.define(11, "ANG", "Qff", "TimeUS,DesRoll,Roll", units="sdd", multipliers="F--")
+        self.place = [(parameters or {}).get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"]
         self.say("ArduCopter V4.7.0 (test)")
         for name, value in {"FRAME_CLASS": 6.0, **(parameters or {})}.items():
             self.write(1, self.us, name.encode(), value, 0.0)
@@ -159,16 +173,19 @@ class SidLog(Log):
         kept = np.ones(time.size, bool) if keep is None else np.array(keep)
         kept &= time < (np.inf if stop is None else stop)
         zero, half = np.zeros(time.size), np.full(time.size, 0.5)
-        felt = -9.80665 + motion[:, 3]
+        felt = -G + motion[:, 3]
+        aside = motion[:, 7] + self.place[0] * motion[:, 5] - self.place[2] * motion[:, 4]
         rates = [x for r, c in zip(degrees.T, commands.T) for x in (zero, r, c)]
         rows = [
             self._rows(number, begun + time, values)[kept]
             for number, name, values in (
-                (5, "SIDD", [time, unit * injected, frequency, *degrees.T, zero, zero, felt]),
+                (5, "SIDD", [time, unit * injected, frequency, *degrees.T, zero, aside, felt]),
                 (6, "RATE", [*rates, zero, zero, half + commands[:, 3]]),
             )
             if name not in self._without
         ]
+        if options.get("slip"):
+            rows.append(self._rows(11, begun + time, [zero, 180.0 / np.pi * motion[:, 6]])[kept])
         self.messages.append(np.hstack(rows).tobytes())
         self._now = begun + float(time[kept][-1])
         if stop is not None:
@@ -180,8 +197,8 @@ class SidLog(Log):
 
 
 def four_axes(path, **options):
-    """Write a log with a sweep of each axis of the mixer."""
+    """Write a log with a sweep of each axis of the mixer, of a helicopter that slips."""
     log = SidLog(**options)
     for axis in (10, 11, 12, 13):
-        log.sweep(axis, noise=0.3, seed=axis)
+        log.sweep(axis, noise=0.3, seed=axis, slip=True)
     return log.save(path.parent, path.name)

@@ -36,9 +36,9 @@ OUTPUTS = ("p", "q", "r", "phi", "theta", "psi")
 
 def plant():
     """Return A, B and C of the helicopter of `sid_logs` with its angles, at ticks."""
-    a, b = _system()
+    a, b = _system(slip=False)
     whole = np.zeros((12, 12))
-    whole[:6, :6], whole[:6, 9:] = a, b[:, :3]
+    whole[:6, :6], whole[:6, 9:] = a[:6, :6], b[:6, :3]
     whole[[6, 7, 8], [0, 1, 4]] = 1.0
     held = expm(whole / RATE)
     return held[:9, :9], held[:9, 9:], np.eye(9)[[0, 1, 4, 6, 7, 8]]

@@ -15,13 +15,13 @@ SHORT = {"length": 12.0, "low": 1.0}
 
 
 def identified(path, **options):
-    """Return the fits of a log by structure."""
+    """Return the fits of a log by structure, but of transfer functions."""
     found = infer(path, **options)
+    fits = [fit for fit in found.fits if fit.structure in hs.structures.BUILT_IN]
     records = [record for log in found.read() for record in log.records]
-    responses = estimate_fits(records, found.fits)
     return {
         fit.structure: hs.identify(frf, hs.structures.named(fit.structure), band=fit.band)
-        for fit, frf in zip(found.fits, responses)
+        for fit, frf in zip(fits, estimate_fits(records, fits))
     }
 
 
@@ -66,7 +66,7 @@ def test_each_sweep_is_a_record_with_what_was_injected(tmp_path):
     assert first.low == pytest.approx(HZ * 1.0)
     assert first.high == pytest.approx(HZ * 8.0 * 8.0 ** (-1.0 / 10.0), rel=1e-2)  # until it fades
     assert first.complete
-    assert [fit.structure for fit in found.fits] == ["tf:0/2", "yaw_base"]
+    assert [fit.structure for fit in found.fits] == ["tf:0/2", "yaw_alone"]
     assert found.fits[1].conditioning == ("lat",)
     assert found.fits[1].reference == ("mixer_roll", "mixer_yaw")
     roll, yaw = (log.record for log in found.read())
@@ -139,7 +139,7 @@ def test_a_gap_of_seconds_splits_a_sweep_and_ends_it_not(tmp_path):
 def test_sweeps_anywhere_in_the_loop_identify_the_same(tmp_path, axis):
     found = infer(one_sweep(tmp_path, axis))
     assert found.fits[0].reference == (SID_AXES[axis].name,)
-    fit = identified(tmp_path / "a.bin")["yaw_base"]
+    fit = identified(tmp_path / "a.bin")["yaw_alone"]
     # 2 %: 100 Hz holds a command for 10 ms, (pi f / rate)^2 / 6 at 8 Hz is 1 %
     assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.02)
 
@@ -151,7 +151,7 @@ def test_dropped_messages_are_interpolated_and_said(tmp_path):
     found = infer(one_sweep(tmp_path, keep=keep))
     assert found.logs[0].dropped == pytest.approx(0.2, abs=0.03)
     assert any("the logger dropped" in one for one in found.diagnostics)
-    fit = identified(tmp_path / "a.bin")["yaw_base"]
+    fit = identified(tmp_path / "a.bin")["yaw_alone"]
     # 4 %: Akima's curve over 20 ms, half a sixth of a period at 8 Hz
     assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.04)
 
@@ -233,8 +233,8 @@ def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
     log = SidLog(parameters=parameters).sweep(12, magnitude=0.01, pulses=500.0, **SHORT)
     found = infer(log.save(tmp_path))
     assert "ped = RATE.YOut as sent" in str(found)
-    sent = identified(tmp_path / "a.bin")["yaw_base"]
-    asked = identified(tmp_path / "a.bin", channels={"ped": Column("RATE.YOut", "1")})["yaw_base"]
+    sent = identified(tmp_path / "a.bin")["yaw_alone"]
+    asked = identified(tmp_path / "a.bin", channels={"ped": Column("RATE.YOut", "1")})["yaw_alone"]
     truth = TRUTH["yaw_base"]["N_ped"]
     # 2 %: 100 Hz holds a command for 10 ms, (pi f / rate)^2 / 6 at 8 Hz is 1 %
     assert sent["N_ped"].value == pytest.approx(truth, rel=0.02)
@@ -264,3 +264,22 @@ def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
     assert "SID_AXIS 12, mixer yaw" in str(found)
     assert str(found.proposal) == f"identify {path}"
     assert not found.logs[0].excitations
+
+
+def test_side_velocity_is_taken_out_of_yaw_or_the_error_says_so(tmp_path):
+    """It makes N_r a quarter too large: known, N_r is right; else two standard errors hold that.
+
+    The accelerometer, ahead of the centre and below it, feels dr/dt and dp/dt: 20 % of N_r.
+    """
+    log, truth = SidLog(parameters={"INS_POS1_X": 0.1, "INS_POS1_Z": 0.2}), -3.0
+    for axis in (10, 12):
+        log.sweep(axis, slip=True, noise=0.1, seed=axis)
+    (known,) = identified(log.save(tmp_path)).values()
+    assert known.data.conditioning == ("v_dot",)
+    # three standard errors are 2.7 %
+    assert abs(known["N_r"].value - truth) < 3.0 * known["N_r"].standard_error < 0.1
+    yaw = SidLog().sweep(12, slip=True, noise=0.1)
+    assert "INS_POS1 is 0" in "".join(infer(yaw.save(tmp_path)).diagnostics)
+    (alone,) = identified(yaw.save(tmp_path)).values()
+    assert 1.2 * truth > alone["N_r"].value
+    assert abs(alone["N_r"].value - truth) < 2.0 * alone["N_r"].standard_error

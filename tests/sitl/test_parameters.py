@@ -199,7 +199,7 @@ def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
     # one sweep of 12 s tells N_r / N_ped to a few per cent, and delays move it by 1 %
     expected = -truth["N_r"] / truth["N_ped"]
     assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(expected, rel=0.05)
-    assert "identified in its own log (yaw_base)" in made.title
+    assert "identified in its own log (yaw_alone)" in made.title
     assert "ATC_RAT_RLL_P" not in made.values
 
 

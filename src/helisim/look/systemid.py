@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.units import unit
+from helisim.base.units import STANDARD_GRAVITY, unit
 from helisim.ident import (
     CrossControlWarning,
     FrequencyResponse,
@@ -48,6 +48,9 @@ _INJECTED = "injected"
 _YAW, _SENT = "RATE.YOut", "RATE.YOut as sent"
 _TAIL, _SERVOS = 36, 32  # SERVOn_FUNCTION of a helicopter's tail, and how many servos there are
 _FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
+_SIDE = "v_dot"
+_SIDE_OF = ("ay", "phi", "p", "r")  # channels that side acceleration is made of
+_SIDE_WHY = "side acceleration of the centre of gravity, ay + g sin(phi) less the lever arm's"
 _REPAIRS = frozenset({"gaps", "duplicates"})  # faults of a logger under load
 _OUTPUT = "the mixer's command on this axis, the sweep in it; 1 is its full travel"
 _THROTTLE = "throttle that the mixer is given, the sweep in it, 0 to 1, about its middle"
@@ -94,11 +97,13 @@ _HELI = (
         "pitch was swept, roll wasn't: its controller's answer is in the fit; sweep it too "
         "(SID_AXIS 10)",
     ),
+    ("yaw_base", ("ped",), ("r",), "yaw was swept; what sideslip does is taken out"),
     (
-        "yaw_base",
+        "yaw_alone",
         ("ped",),
         ("r",),
-        "yaw was swept; without sideslip, which it leaves out, N_r can be a quarter too large",
+        "yaw was swept; sideslip, which isn't known, can make N_r a quarter too large: sweep roll "
+        "too (SID_AXIS 10) and log attitude (ANG), which take it out",
     ),
     ("heave_imu", ("col",), ("az",), "thrust was swept"),
 )
@@ -206,8 +211,9 @@ class Inferred:
 
     @property
     def channels(self) -> frozenset[str]:
-        """Channels that all logs have."""
-        return frozenset.intersection(*(frozenset(c.name for c in o.channels) for o in self.logs))
+        """Channels that all logs have, or that are made of theirs."""
+        have = frozenset.intersection(*(frozenset(c.name for c in o.channels) for o in self.logs))
+        return have | {_SIDE} if have.issuperset(_SIDE_OF) else have
 
     @property
     def bands(self) -> dict[str, Band]:
@@ -259,6 +265,9 @@ class Inferred:
             if name not in inputs and first <= _ROOM * low and high <= _ROOM * last
         )
         names = tuple(one.name for one in self.injected if one.control in (*inputs, *others))
+        if structure == "yaw_base" and _SIDE in channels:
+            # roll turns the nose by the side velocity that it makes, and so does yaw
+            others = tuple(_SIDE if name == "lat" else name for name in others)
         return InferredFit(
             structure, tuple(inputs), tuple(outputs), others, names, (low, high), why
         )
@@ -273,7 +282,8 @@ class Inferred:
 
         Raises LogError. `on_progress` is called with each file's name.
         """
-        wanted = None if names is None else set(names)
+        wanted = set(self.channels if names is None else names)
+        wanted |= set(_SIDE_OF) if _SIDE in wanted else set()
         found: list[Log] = []
         for one in self.logs:
             path = Path(one.path)
@@ -282,18 +292,21 @@ class Inferred:
             source, travel = log.source, tail_servo(log.parameters())
             if travel is not None:
                 source = source.with_column(_SENT, _YAW, partial(sent_yaw, travel=travel))
-            columns = {c.name: c.column for c in one.channels if wanted is None or c.name in wanted}
+            place = imu_place(log.parameters()) if _SIDE in wanted else None
+            columns = {c.name: c.column for c in one.channels if c.name in wanted}
             for sweep in one.used:
                 columns[_INJECTED] = Column("SIDD.Targ", sweep.sid_axis.unit, meaning="injected")
                 options = replace(self.sampling, start=sweep.start, stop=sweep.stop)
                 part = from_source(source, Map(columns), digest, options)
-                records = tuple(self._named(record, sweep) for record in part.records)
+                records = tuple(self._named(record, sweep, place) for record in part.records)
                 found.append(replace(part, records=records))
             if on_progress is not None:
                 on_progress(path.name)
         return tuple(found)
 
-    def _named(self, record: FlightRecord, sweep: FlownSweep) -> FlightRecord:
+    def _named(
+        self, record: FlightRecord, sweep: FlownSweep, place: Sequence[float] | None
+    ) -> FlightRecord:
         keep = [name != _INJECTED for name in record.names]
         added = [record[_INJECTED] * (axis.number == sweep.axis) for axis in self.injected]
         channels = [one for one in record.channels if one.name != _INJECTED]
@@ -301,15 +314,20 @@ class Inferred:
             Channel(axis.name, unit(axis.unit).si, "OTHER", f"injected by SID_AXIS {axis.number}")
             for axis in self.injected
         ]
+        if place is not None:
+            added.append(side_acceleration(record, place))
+            channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
         values = np.column_stack([record.values[:, keep], *added])
         facts = {**record.provenance, "sweep": sweep.to_dict()}
         return FlightRecord(record.time, values, tuple(channels), facts)
 
     def __str__(self) -> str:
         used = {n for fit in self.fits for n in (*fit.inputs, *fit.outputs, *fit.conditioning)}
+        used |= set(_SIDE_OF) if _SIDE in used else set()
         lines = [str(log) for log in self.logs]
         taken = [one for log in self.logs for one in log.channels]
         lines += ["channels:", *dict.fromkeys(f"  {one}" for one in taken if one.name in used)]
+        lines += [f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] if _SIDE in used else []
         rest = dict.fromkeys(one.name for one in taken if one.name not in used)
         lines += [f"  there are also {', '.join(rest)}"] if rest else []
         for axis in self.injected:
@@ -372,7 +390,10 @@ def infer(
         taken = {name for fit in fits for name in fit.inputs}
         there = made.channels.issuperset(outputs) and set(inputs) <= set(made.bands)
         if there and not taken & set(inputs):
-            fits.append(made.fit(structure, inputs, outputs, reason))
+            fit = made.fit(structure, inputs, outputs, reason)
+            # without side velocity the next structure is honest
+            if not helicopters or structure != "yaw_base" or _SIDE in fit.conditioning:
+                fits.append(fit)
     said = [one for log in found for one in _diagnostics(log, rate)]
     if not helicopters:
         said.append(
@@ -453,6 +474,21 @@ def sent_yaw(command: Real, travel: tuple[float, float]) -> Real:
     return np.sign(angle) * np.floor(np.abs(angle) * side / _FULL) / side
 
 
+def imu_place(parameters: Mapping[str, float]) -> tuple[float, ...]:
+    """Return the accelerometer's place (INS_POS1), m forward, right, down of the centre."""
+    return tuple(parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ")
+
+
+def side_acceleration(record: FlightRecord, place: Sequence[float]) -> Real:
+    """Return dv/dt of the centre of gravity, m/s^2, (n_time,): ay + g sin(phi), less the arm's.
+
+    `place`, m, is the accelerometer's, forward, right and down of it: there v + x r - z p is felt.
+    """
+    p, r = (np.gradient(record[name], record.sample_time) for name in "pr")
+    felt = record["ay"] + STANDARD_GRAVITY * np.sin(record["phi"])
+    return felt - place[0] * r + place[2] * p
+
+
 def _diagnostics(log: InferredLog, rate: float) -> Iterator[str]:
     """Yield notes on a log read at a rate, Hz."""
     if log.dropped > _DROPPED:
@@ -475,12 +511,16 @@ def _diagnostics(log: InferredLog, rate: float) -> Iterator[str]:
             f"{1e3 * math.sqrt(2.0) / corner:.2g} ms; take it out, as known: "
             f"{behind}=low_pass:corner={corner:.4g},order=2"
         )
-    if any(arm := [log.parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"]) and any(
-        one.name in ACCELERATIONS for one in log.channels
-    ):
+    arm, have = imu_place(log.parameters), {one.name for one in log.channels}
+    if any(arm) and not have.isdisjoint(ACCELERATIONS):
         yield (
             f"the accelerometer sits at {arm[0]:g}, {arm[1]:g}, {arm[2]:g} m (INS_POS1): its "
-            "acceleration isn't moved to the centre of gravity"
+            f"acceleration isn't moved to the centre of gravity, but for {_SIDE}"
+        )
+    elif have.issuperset(_SIDE_OF) and any(one.sid_axis.control == "ped" for one in log.used):
+        yield (
+            f"{log.path}: INS_POS1 is 0, so the accelerometer is taken to sit at the centre of "
+            "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm"
         )
 
 

@@ -248,6 +248,16 @@ def hover(vehicle: Vehicle) -> Group:
     )
 
 
+def sensors(vehicle: Vehicle) -> Group:
+    """Return where the sensors sit: one place, whose motion the simulation sends."""
+    where = {"INS_POS1_X": "m forward, right, down of the centre of gravity"}
+    return tuple(
+        Setting(name := f"{sensor}_{axis}", round(metres, 4) + 0.0, where.get(name, ""))
+        for sensor in ("INS_POS1", "INS_POS2", "GPS1_POS")
+        for axis, metres in zip("XYZ", vehicle.imu_offset)
+    )
+
+
 def simulated() -> dict[str, Group]:
     """Return settings for the simulator's sensors, radio and ground station."""
     return {
@@ -330,6 +340,7 @@ def parameters_for(
         "tail": tail(outputs),
         "rotor": rotor(vehicle, outputs),
         "hover": hover(vehicle),
+        "where the sensors sit": sensors(vehicle),
     }
     used = {outputs.front, outputs.left, outputs.right, outputs.tail, outputs.rotor}
     free = sorted({1, 2, 3, 4, 8} - {one.channel for one in used})
