@@ -50,11 +50,14 @@ def read_logs(
 ) -> "tuple[Log, ...]":
     """Read all logs: uniform, with all wanted channels, by default those that options name."""
     from helisim.logs import Column, read_logs
+    from helisim.records.record import ATTITUDES
 
     given = given_columns(options)
     channels: Any = given if given.channels else None
     if wanted is not None:
-        own = {name: given.channels.get(name, Column(name)) for name in wanted}
+        beside = [name for name in ATTITUDES if name in given.channels]  # they tell wrong rates
+        taken = dict.fromkeys((*wanted, *beside))
+        own = {name: given.channels.get(name, Column(name)) for name in taken}
         said = options.map is not None or options.channel
         channels = replace(given, channels=own) if said else tuple(wanted)
     return read_logs(

@@ -142,6 +142,11 @@ class Fit(Value, Displayed):
         incoherent = [name for name in self.dropped if name in reached]
         unreached = [name for name in self.dropped if name not in reached]
         seen = [name for name in unreached if enough(self.data, *name.split("/", 1))]
+        unknown = [
+            one.name
+            for one in self.parameters.values()
+            if not one.fixed and one.standard_error > 0.5 * abs(one.value)
+        ]
         said = (
             (
                 not self.converged,
@@ -161,6 +166,12 @@ class Fit(Value, Displayed):
                 "bound",
                 f"at a bound: {', '.join(self.at_bound)}; widen it, or doubt the structure",
                 "bounds",
+            ),
+            (
+                2 * len(unknown) > len(self.structure.free),
+                "support",
+                f"the data do not fix {', '.join(unknown)}: errors above half of the value",
+                "band",
             ),
             (
                 incoherent,

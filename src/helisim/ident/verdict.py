@@ -11,7 +11,7 @@ Word = Literal["sound", "doubtful", "wrong"]
 _WRONG = frozenset({"degenerate", "columns", "sign", "unit", "flapping", "cost"})
 _DOUBTFUL = frozenset(
     {"nonlinear", "records", "lost", "clock", "delay", "lag", "residual", "unstable"}
-    | {"search", "mode", "bound", "starts", "feedback"}
+    | {"search", "mode", "bound", "starts", "feedback", "support"}
 )
 
 

@@ -85,7 +85,19 @@ _PATTERNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     *((f"{word} {{}}", "x y z", ACCELERATIONS) for word in ("accel", "acc", "acceleration")),
     *(
         (f"{{}} {word}", _TURNS, _INPUTS)
-        for word in ("cmd", "command", "input", "in", "swash", "cyclic", "servo", "out", "torque")
+        for word in (
+            "cmd",
+            "command",
+            "input",
+            "in",
+            "swash",
+            "cyclic",
+            "servo",
+            "out",
+            "torque",
+            "yoke",
+            "actuator",
+        )
     ),
 )
 _SHORT = (
@@ -95,6 +107,8 @@ _SHORT = (
     ("accx accy accz", ACCELERATIONS),
     ("ail ele rud thr", _INPUTS),
     ("da de dr dt", _INPUTS),
+    ("dlat dlon dped dcol", _INPUTS),
+    ("dail delv drud", _INPUTS[:3]),
     ("elev coll hdg", ("lon", "col", "psi")),
 )
 _WORDS: tuple[tuple[str, str, int], ...] = (
@@ -136,7 +150,7 @@ def named(heading: str, log_format: str) -> Named | None:
         return _EXACT[log_format].get(heading)
     bare, bracketed = split_heading(heading)
     implied = unit(bracketed).name if bracketed and is_unit(bracketed) else None
-    if bare in CHANNELS:
+    if bare in CHANNELS and CHANNELS[bare].kind != "OTHER":  # which only a simulation knows
         return Named(bare, implied, 1, 0, "its name")
     words = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare).lower()
     words = re.sub(r"[^a-z0-9]+", " ", words).strip()
@@ -294,7 +308,6 @@ def _in_unit(stated: str | None, heading: str, meant: Named, known: Array) -> tu
 def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
     """Return a control's unit, trim and range from values (n_known,), and why."""
     middle, size = float(np.median(known)), float(np.max(np.abs(known)))
-    spans = {"trim": middle, "range": float(f"{np.ptp(known):.3g}") or 1.0}
     if unit == PULSE or (unit is None and _PULSES[0] <= known.min() and size <= _PULSES[1]):
         why = f"pulses; trim is their median, range the usual {_PULSE_RANGE:g} us"
         return {"unit": PULSE, "trim": float(round(middle)), "range": _PULSE_RANGE}, why
@@ -302,7 +315,10 @@ def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
         return {"unit": "percent"}, f"percent: it reaches {size:.3g}"
     if size <= _UNITISED and unit in (None, "1"):
         return {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
-    return {"unit": unit or "1", **spans}, f"in {unit or 'any unit'}; range is what it spans"
+    if unit in ("rad", "deg"):
+        fixed = {"unit": unit, "trim": middle, "range": 1.0 / UNITS[unit].factor}
+        return fixed, f"in {unit}; 1 is a radian from its median"
+    return {"unit": "1", "trim": middle, "range": 1.0}, f"as it is, to {size:.3g}, in no known unit"
 
 
 def _by_size(channel: str, known: Array) -> tuple[str, str]:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
+_LEAST_SAMPLES = 50  # of a record that is looked at
 _LONGEST_BLOCK = 5.0  # s, block to count as active; 1/20 of short logs
 _ACTIVE = 0.3  # of what it moves in its liveliest blocks, from which a control is active
 _QUIET = 0.6  # of its liveliest blocks, that its quietest move at most where they are noise
@@ -89,7 +90,7 @@ class FoundAnswer:
 
 def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | None:
     """Return a control's main excitation from times and values, (n_time,) each; None at rest."""
-    if time.size < 50 or np.ptp(values) <= 1e-9 * np.max(np.abs(values)):
+    if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(values)):
         return None
     inside = _active(time, values)
     x, t, rest = values[inside], time[inside], np.delete(values, inside)
@@ -99,6 +100,25 @@ def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | No
         return None
     kind, low, high = _kind(t, x, amplitude)
     return FoundExcitation(channel, kind, float(t[0]), float(t[-1]), low, high, amplitude)
+
+
+def whole(record: FlightRecord, channel: str) -> FoundExcitation | None:
+    """Return all of a control's motion as one excitation; None if it rests."""
+    time, values = record.time, record[channel] - np.mean(record[channel])
+    if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(record[channel])):
+        return None
+    omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, record.duration / (time.size - 1))
+    low, high = _occupied(omega, values)
+    amplitude = float(np.quantile(np.abs(values), 0.98))
+    return FoundExcitation(channel, "motion", float(time[0]), float(time[-1]), low, high, amplitude)
+
+
+def _occupied(omega: Array, values: Array) -> tuple[float, float]:
+    """Return the band that holds most of a signal's power, rad/s."""
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    held = np.cumsum(power) / np.sum(power)
+    low, high = omega[np.searchsorted(held, _POWER)]
+    return float(max(low, omega[1])), float(high)
 
 
 def _active(time: Array, values: Array) -> slice:
@@ -149,11 +169,7 @@ def _kind(time: Array, values: Array, amplitude: float) -> tuple[Kind, float, fl
     if rising and max(begin, end) > _SPAN * min(begin, end):
         low = found[:2] if begin < end else found[-2:]  # few waves are slow
         return "sweep", float(np.min(low)), max(begin, end)
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
-    held = np.cumsum(power) / np.sum(power)
-    omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, step)
-    low, high = omega[np.searchsorted(held, _POWER)]
-    return "motion", float(max(low, omega[1])), float(high)
+    return "motion", *_occupied(2.0 * np.pi * np.fft.rfftfreq(values.size, step), values)
 
 
 def answers(
@@ -181,6 +197,7 @@ def _answer(
     rate = min(1.0 / step, *(rates.get(name, np.inf) for name in (excited.channel, output)))
     high = min(2.0 * np.pi * rate / _SAMPLES_A_PERIOD, _BESIDE * excited.high)
     usable = (smooth >= USABLE_COHERENCE) & (omega <= high) & (omega >= excited.low / _BESIDE)
+    usable[1:-1] |= usable[:-2] & usable[2:]  # one dip cuts no band
     edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     runs = [(omega[a], omega[b - 1], slice(a, b)) for a, b in zip(edges[::2], edges[1::2])]
     low, high, inside = max(runs, key=lambda run: run[1] / run[0], default=(1.0, 0.0, slice(0)))

@@ -13,10 +13,10 @@ from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
 from helisim.look.channels import CONTROLS
-from helisim.look.excitation import FoundExcitation, answers, excitation, loops
+from helisim.look.excitation import FoundExcitation, answers, excitation, loops, whole
 from helisim.look.opened import SHORT, LogLook, opened
 from helisim.look.sweeps import own_sweeps
-from helisim.records.record import IN1, IN2, RATES
+from helisim.records.record import ATTITUDES, IN1, IN2, RATES
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
@@ -26,6 +26,7 @@ _STRUCTURES = (
 _HELICOPTER = ("swash", "cyclic", "collective", "pedal")
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
 _STICK: dict[str, str] = dict(zip(IN1, IN2))
+_ANGLE: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _AXIS = {name: name for name in IN1} | {stick: name for name, stick in _STICK.items()}
 
 
@@ -100,6 +101,10 @@ def _looked(log: LogLook) -> LogLook:
     moved = (excitation(name, record.time, record[name]) for name in CONTROLS if name in record)
     excited = _main([one for one in moved if one is not None])
     found = answers(record, excited, rates)
+    if not found:  # what moved for a short while may have moved all along
+        excited = tuple(whole(record, name) for name in CONTROLS if name in record)
+        excited = _main([one for one in excited if one is not None])
+        found = answers(record, excited, rates)
     said = [*log.findings, *loops(record, found, rates)]
     if not found:
         text = "no control moves, or no column looks like one: say which of those not used is"
@@ -141,7 +146,9 @@ def _proposal(looked: Sequence[LogLook]) -> Proposal | None:
     excited = {one.channel for looked_at in used for one in looked_at.excitations}
     sticks = sticks if closed & set(sticks) and set(sticks) <= excited else ()
     seen = {one.name: one for one in used[0].channels}
-    names = (*inputs, *outputs, *sticks)
+    angles = ((seen.get(_ANGLE.get(name, "")), seen[name].clock) for name in outputs)
+    known = [one.name for one, clock in angles if one and not one.sized and one.clock == clock]
+    names = (*inputs, *outputs, *sticks, *known)  # angles tell a wrong clock or unit of rates
     if any(one.format != OURS for one in used):
         options += [("channel", (seen[name].column.option(name).value,)) for name in names]
     options += [("reference", (",".join(sticks),))] if sticks else []
