@@ -349,3 +349,26 @@ def test_a_battery_empties_and_the_flight_says_so(motor):
     heat = (own["drive.resistance"] - own["battery.resistance"]) * current**2
     heat += own["drive.no_load_current"] * turns * spin
     assert summed(volts * amperes) == pytest.approx(summed(work + heat), rel=1e-6)
+
+
+def test_a_turbine_is_padfield_s():
+    """Torque over speed is -(1 + T_e2 s) / ((1 + T_e1 s)(1 + T_e3 s)) / droop (Padfield, ch. 3).
+
+    Of the hover's linear model, at three frequencies, to its differences' rounding. At a third less
+    throttle the speed that the governor holds is a third of the droop's share higher.
+    """
+    lags = {"drive.fuel_lag": 0.1, "drive.lead": 0.2, "drive.lag": 0.5}
+    lynx = load("lynx", parameters={"drive.governor": "motor"} | lags)
+    linear, own = lynx.linearize(), lynx.parameters
+    ends = [linear.states.index(name) for name in ("engine", "fuel")]
+    block_, by_speed = linear.a[np.ix_(ends, ends)], linear.a[ends, linear.states.index("speed")]
+    for s in 1j * np.array([0.1, 1.0, 10.0]):
+        engine, fuel = np.linalg.solve(s * np.eye(2) - block_, by_speed)
+        torque = engine + own["drive.lead"] / own["drive.lag"] * (fuel - engine)
+        wanted = -(1.0 + 0.2 * s) / (1.0 + 0.1 * s) / (1.0 + 0.5 * s) / own["drive.droop"]
+        assert torque == pytest.approx(wanted, rel=1e-6)
+    par = lynx.model.actuator_user[addresses(lynx.model).rotor]
+    speed = 1.0 + own["drive.droop"] * lynx.trim.throttle / 3.0
+    less = 2.0 / 3.0 * lynx.trim.throttle
+    held = drive.governing(par, 1.0, 0.0, speed, less, lynx.trim.throttle, MAINS)
+    assert held == pytest.approx((0.0, 0.0), abs=1e-12)
