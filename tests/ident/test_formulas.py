@@ -160,6 +160,7 @@ def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
 def test_the_accuracy_is_its_formulas(frf, standardised):
     """CR, I, correlation from H = 2 J^T J; standard errors from the response's covariance."""
     points = chosen(frf)
+    points = replace(points, gap=0.01 * np.exp(1j * points.frequency))
     cost = Cost(ROLLPITCH, points)
     x = vector([parameter.name for parameter in ROLLPITCH.free])
     found = accuracy(cost, x, standardised=standardised)
@@ -185,14 +186,17 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
     noise = np.diag(left @ covariance @ left.T)
     assert found.ratio == pytest.approx(residual @ residual / noise.sum(), rel=1e-6)
     assert found.noise == pytest.approx(noise / scale**2, rel=1e-6)
-    # what the structure leaves is alike within a quarter of ln(frequency) in a response
-    at, pair = np.log(np.tile(points.frequency, 2)), np.tile(points.pair, 2)
-    alike = np.exp(-0.5 * ((at[:, None] - at) / 0.25) ** 2) * (pair[:, None] == pair)
-    share = 1.0 - 1.0 / found.ratio
-    structural = share * np.diag(gain @ (alike * np.outer(residual, residual)) @ gain.T)
-    assert found.structural == pytest.approx(np.sqrt(structural), rel=1e-6)
-    errors = np.sqrt(np.diag(gain @ covariance @ gain.T) + structural)
-    assert found.standard_error == pytest.approx(errors, rel=1e-6)
+    # what the structure leaves out is alike within half of ln(frequency) in a response
+    apart = np.abs(np.subtract.outer(np.log(points.frequency), np.log(points.frequency)))
+    near = np.exp(-apart / 0.5) * (points.pair[:, None] == points.pair)
+    alike = scale[:, None] * np.kron(np.eye(2), near) * scale
+    square = (residual @ residual - noise.sum()) / np.trace(left @ alike @ left.T)
+    assert square > 0.005**2  # x is no minimum
+    structural = square * gain @ alike @ gain.T
+    assert found.structural == pytest.approx(np.sqrt(np.diag(structural)), rel=1e-6)
+    moved = gain @ (scale * np.concatenate([points.gap.real, points.gap.imag]))
+    errors = np.diag(gain @ covariance @ gain.T + structural) + moved**2
+    assert found.standard_error == pytest.approx(np.sqrt(errors), rel=1e-6)
 
 
 def test_verification_figures_are_their_formulas():

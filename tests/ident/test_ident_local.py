@@ -203,8 +203,8 @@ def expected_covariance(weights_of, one):
             shared = np.sum(weights_of(o, i, w) * weights_of(o2, i2, w2).conj())
             total[k, m] = shared * (roots[w] @ roots[w2])[o, o2]
             if (o, i) == (o2, i2):
-                apart = np.log(one.frequency[w] / one.frequency[w2]) / 0.25
-                total[k, m] += one.bias[o, i, w] * one.bias[o, i, w2] * np.exp(-0.5 * apart**2)
+                apart = abs(np.log(one.frequency[w] / one.frequency[w2])) / 0.5
+                total[k, m] += one.bias[o, i, w] * one.bias[o, i, w2] * np.exp(-apart)
                 total[k, m] += one.spread[o, i, w] ** 2 * (w == w2)
     return total
 

@@ -331,7 +331,8 @@ WIDE = np.geomspace(0.3, 60.0, 160)
         (
             "rollpitch",
             "rollpitch_speeds",
-            HOVER_SLOPES | dict.fromkeys(("A_u", "A_v", "L_p", "M_q"), 0.0),
+            HOVER_SLOPES
+            | dict.fromkeys(("A_u", "A_v", "L_p", "M_q", "X_u", "Y_v", "L_v", "M_u"), 0.0),
         ),
     ],
 )

@@ -10,11 +10,20 @@ from helisim import ident
 from helisim.cli import main
 from helisim.design.exact import air_met
 from helisim.ident import identify
+from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.sim import Recorder, Weather
 from helisim.sim.rigs import SWEPT, stick_sweep
 from helisim.study import models
 from helisim.study.experiment import servo_test
-from helisim.study.models import HEAVE, MODELS, ROLLPITCH_IN2, YAW_BASE, YAW_GYRO, YAW_OVERALL
+from helisim.study.models import (
+    HEAVE,
+    MODELS,
+    ROLLPITCH_IN1,
+    ROLLPITCH_IN2,
+    YAW_BASE,
+    YAW_GYRO,
+    YAW_OVERALL,
+)
 from helisim.study.paper import published
 from helisim.study.truth import exact_response, true_values
 from helisim.study.tune import LOOPS, margins
@@ -27,6 +36,31 @@ LIGHT = Weather(turbulence="light")
 @pytest.fixture(scope="module")
 def recorder(jr700):
     return Recorder.of(jr700)
+
+
+@pytest.mark.parametrize("model", [YAW_BASE, ROLLPITCH_IN1, HEAVE], ids=lambda one: one.name)
+def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder, model):
+    """Of the exact response, known to a millionth, and no wider than what models are judged by."""
+    exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
+    n_out, n_in, n_freq = shape = exact.response.shape
+    line = LineWeights(np.zeros(1, int), np.zeros(1, int), np.zeros((1, n_in, 1, 1), np.complex64))
+    known = LocalScatter(
+        frequency=exact.frequency,
+        weights=(line,) * n_freq,
+        share=np.zeros((1, *shape)),
+        noise=np.zeros((n_freq, n_out, n_out), complex),
+        bias=np.zeros(shape),
+        spread=1e-6 * np.abs(exact.response),
+    )
+    fit = ident.identify(replace(exact, scatter=known), model.structure)
+    truth = true_values(jr700, model, recorder)
+    for one in model.structure.free:
+        low, high = fit[one.name].interval
+        assert low < truth[one.name] < high, one.name
+        # intervals of the tolerance say nothing beyond it; of two standard errors 3 or 10 %
+        allowed = model.tolerances.get(one.name)
+        if allowed is not None:
+            assert high - low < 0.02 * allowed.percent * abs(truth[one.name]), one.name
 
 
 def fitted_gyro(vehicle, recorder, **given):

@@ -2,9 +2,12 @@
 
 With H = 2 J^T J and unit noise, CR_i = 2 sqrt((H^-1)_ii), I_i = 1 / sqrt(H_ii) (Tischler, Remple).
 With A = (J^T J)^-1 J^T of residuals r with covariance S (`scatter`; unknown: independent), the
-parameters' covariance is A S A^T; a known one's error dk adds -A J_k dk. What the structure leaves
-beyond noise adds A (K r r^T) A^T, with K one for residuals of a response at like frequencies: a
-misfit there would be there in another flight, too.
+parameters' covariance is A S A^T; a known one's error dk adds -A J_k dk, and a gap g between the
+response and another estimate of it A g, the difference of the two fits. What the structure leaves
+out is one more random error of the response, correlated by `alike` (K; Kennedy and O'Hagan, J.
+Royal Statistical Society B 63, 2001), and adds s^2 A K A^T: s^2 explains the residuals beyond S,
+(r^T r - tr P S P) / tr P K P with P = 1 - J A, and is at least the square of what no point is
+trusted beyond.
 """
 
 import math
@@ -14,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.cost import Cost
+from helisim.ident.cost import FLOOR, Cost
+from helisim.ident.scatter import alike
 
 _NULL = 1e-13  # least eigenvalue of the scaled Hessian for a direction to be seen
 _FAINT = 1e-6  # dB: a parameter that moves all residuals by less is not seen
 _FARTHEST = 1e9  # largest value, in its orders of magnitude, for a parameter to be seen
-_REACH = 0.25  # logarithm of frequency over which a structure's misfit is one, as a bias is
 _TRIED = 0.5  # rad of phase that the lag that is tried makes at the band's top
 _KNOWN = 0.2  # error of a parameter, over its value, from which its shift says nothing
 _BEYOND_CHANCE = 3.0  # errors: chance brings so much to one input in 700
@@ -80,9 +83,11 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     structural, noise, ratio, omitted = np.zeros_like(covariance), None, None, ()
     if scatter is not None and (spread := _spread(scatter, left, minimised, scale, gain)):
         covariance, noise, ratio = spread
-        beyond = max(1.0 - 1.0 / ratio, 0.0) if ratio > 0.0 else 0.0
-        structural = beyond * gain @ (_likeness(cost) * np.outer(left, left)) @ gain.T
+        structural = _structural(cost, left, noise, minimised, scale, gain)
         covariance = covariance + structural
+        if cost.points.gap is not None:
+            moved = gain @ (scale * np.concatenate([cost.points.gap.real, cost.points.gap.imag]))
+            covariance = covariance + np.outer(moved, moved)
         omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
     known = [one for one in cost.structure.parameters if one.error > 0.0]
     carried = np.zeros((x.size, len(known)))
@@ -135,11 +140,17 @@ def _spread(
     return taken @ gain.T, plain, float(residual @ residual) / expected
 
 
-def _likeness(cost: Cost) -> Real:
-    """Return how much residuals have in common, (2 n_point, 2 n_point), 0 to 1."""
-    at, pair = np.log(cost.points.frequency), cost.points.pair
-    near = np.exp(-0.5 * (np.subtract.outer(at, at) / _REACH) ** 2)
-    return np.tile(np.where(pair[:, None] == pair, near, 0.0), (2, 2))
+def _structural(
+    cost: Cost, residual: Real, noise: Real, jacobian: Real, scale: Real, gain: Real
+) -> Real:
+    """Return the covariance, (n_free, n_free), by what the structure leaves out."""
+    same = np.kron(np.eye(2), alike(cost.points.frequency, cost.points.pair))
+    same *= np.outer(scale, scale)
+    taken = gain @ same
+    own = float(np.trace(same) - np.sum(taken * jacobian.T))
+    unexplained = float(residual @ residual - np.sum(noise * scale**2))
+    square = max(FLOOR**2, unexplained / own if own > 0.0 else 0.0)
+    return square * taken @ gain.T
 
 
 def _omitted_lags(

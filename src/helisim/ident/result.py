@@ -65,8 +65,7 @@ class Fit(Value, Displayed):
 
     `correlation` and `covariance` of the free parameters are (n_free, n_free), the latter infinite
     for unseen ones; `carried` (n_free, n_known) is the error for one standard error of each known
-    one; `searches_agreeing` starts ended in this minimum; `misfit` is beyond noise, which no
-    standard error holds.
+    one; `searches_agreeing` starts ended in this minimum; `misfit` is beyond noise.
     """
 
     structure: Structure

@@ -349,18 +349,24 @@ rollpitch_speeds = _built(
     "rollpitch_speeds",
     # The tilted thrust accelerates it, and the disc flaps back from the speed, which is several
     # percent of the rates at three times the frequency of the hover's slow modes.
-    f"{rollpitch.meaning}, with the speeds that tilting gathers: flap-back, and the "
-    "dampings of fuselage and tail (0 +- 0.1 1/s; free them where sweeps are long)",
-    f"{' '.join(rollpitch.names)} A_u A_v L_p M_q",
+    f"{rollpitch.meaning}, with the speeds that tilting gathers: flap-back, and what fuselage and "
+    "tail do (dampings 0 +- 0.1 1/s, L_v 0 +- 0.2 and M_u 0 +- 0.1 rad/(s m); free L_p and M_q "
+    "where sweeps are long)",
+    f"{' '.join(rollpitch.names)} A_u A_v L_p M_q X_u Y_v L_v M_u",
+    # the JR700 has -0.01, -0.06, -0.10 and 0.06, the Blade 360 -0.01, -0.12, -0.54 and 0.08
+    *(
+        replace(_PARAMETERS[name], start=0.0, scale=0.1, fixed=True, error=error)
+        for name, error in {"X_u": 0.1, "Y_v": 0.1, "L_v": 0.2, "M_u": 0.1}.items()
+    ),
     like=rollpitch,
     states="u v phi theta",
     F={
-        "p": {"p": "L_p"},
-        "q": {"q": "M_q"},
+        "p": {"p": "L_p", "v": "L_v"},
+        "q": {"q": "M_q", "u": "M_u"},
         "a": {"u": "A_u", "v": "A_v"},
         "b": {"u": "A_v", "v": "-A_u"},  # the rotor is round
-        "u": {"theta": "-g", "a": "-g"},
-        "v": {"phi": "g", "b": "g"},
+        "u": {"u": "X_u", "theta": "-g", "a": "-g"},
+        "v": {"v": "Y_v", "phi": "g", "b": "g"},
         "phi": {"p": "1"},
         "theta": {"q": "1"},
     },

@@ -307,7 +307,8 @@ class Windows:
         each = [condition(one, *signals) for one in self._spectra]
         found, local = compose(each), self._local.estimate(*signals)
         size = np.maximum(np.abs(found.response), 1e-300)
-        gap = (np.abs(found.response - local.response) / size) ** 2
+        apart = found.response - local.response
+        gap = (np.abs(apart) / size) ** 2
         chance = 2.0 * np.maximum(found.random_error, local.random_error) ** 2
         counted = 1.0 / (chance + _FLOOR) ** 2
         excess = smoothed(gap - chance, self._frequency, counted, _NEIGHBOURS)
@@ -324,7 +325,7 @@ class Windows:
             coherence=found.coherence,
             multiple=found.multiple,
             random_error=np.sqrt(found.random_error**2 + 0.5 * (bias / size) ** 2),
-            scatter=Scatter(self._frequency, windows, self._durations, noise, bias),
+            scatter=Scatter(self._frequency, windows, self._durations, noise, bias, apart),
         )
 
 

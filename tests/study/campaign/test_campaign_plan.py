@@ -237,6 +237,17 @@ def test_intervals_may_hold_the_mean_and_miss_the_truth(study, capsys):
     assert line.split() == ["yaw_base", "N_r", "50.0", "100.0", "5.75", "5.00"]
 
 
+def test_coverage_is_judged_at_each_number_and_length_of_sweeps(study, capsys):
+    """In 90 % of 20 replicates with a standard error of 1 %; no estimate holds no truth."""
+    near, far = [0.015] * 18, [0.03] * 2
+    rows = rows_of(near + far, flights=3) + rows_of(near + far[1:] + [None], duration=30, flights=3)
+    study.verdict(rows + rows_of(near[1:] + far + [None], flights=10))
+    *_, line, short, few, many = capsys.readouterr().out.splitlines()
+    assert line.split() == ["yaw_base", "N_r", "90", "90", "85"]
+    assert (short, few) == ("3 x 30 s: pass", "3 x 90 s: pass")
+    assert many == "10 x 90 s: fail, below 90%: yaw_base N_r"
+
+
 def test_the_papers_bounds_are_the_limits(study):
     """Cramér-Rao bounds of its Table 3; 5 % for N_r, for which it has none."""
     # Wu and Chen, Table 3, IN1: CR of L_b 13.9 % and of M_a 7.54 %
