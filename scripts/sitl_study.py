@@ -185,7 +185,7 @@ def judged(whose: str, log: Path) -> list[str]:
     print(
         f"median error {error:.2f} % (bar {BARS[whose]:g}), largest "
         f"{max(abs(one.error) for one in table):.2f} %; inside their bounds {inside:.0f} % (bar "
-        f"{INSIDE:g}); within two standard errors, which know of noise alone, {near} of "
+        f"{INSIDE:g}); within two standard errors {near} of "
         f"{len(table)}"
     )
     missed = []
