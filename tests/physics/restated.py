@@ -14,7 +14,17 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot
-from helisim.physics.layout import DOUBLET, HANDS_OFF_ROTOR, HISTORY, INJECTION, PARAM, STATE, SWEEP
+from helisim.physics.layout import (
+    DOUBLET,
+    HANDS_OFF_ROTOR,
+    HISTORY,
+    INJECTION,
+    PARAM,
+    ROLL_ATTITUDE,
+    ROLL_VELOCITY,
+    STATE,
+    SWEEP,
+)
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
@@ -164,7 +174,9 @@ def sticks(m):
             p.pilot_col - p.pilot_k_heave * climb,
             p.pilot_lon
             + p.pilot_k_attitude * (p.pilot_theta - p.pilot_k_velocity * wanted[0] - theta),
-            p.pilot_lat + p.pilot_k_attitude * (p.pilot_phi + p.pilot_k_velocity * wanted[1] - phi),
+            p.pilot_lat
+            + (p.pilot_k_attitude + m.par[ROLL_ATTITUDE])
+            * (p.pilot_phi + (p.pilot_k_velocity + m.par[ROLL_VELOCITY]) * wanted[1] - phi),
             p.pilot_ped + p.pilot_k_heading * off_heading,
         ]
     )

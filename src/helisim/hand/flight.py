@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, check_known
 from helisim.base.settings import to_plain
 from helisim.hand.sticks import Deflection
-from helisim.physics.layout import CONTROL, PARAM
+from helisim.physics.layout import CONTROL, PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
@@ -145,6 +145,7 @@ class HandFlight:
         par = self._par = self.model.actuator_user[addresses(self.model).rotor]
         par[PARAM.ground_effect] = self.ground.effect
         Pilot(remnant=0.0).write(par, self.vehicle, seed=seed, height=self.height)
+        par[[ROLL_ATTITUDE, ROLL_VELOCITY]] = 0.0
         self.weather.write(par, self.vehicle, seed=int(generator(seed, 0, "air").integers(2**31)))
         self._assistance = _Assistance(self.vehicle, par)
         self._contact = Contact(self.vehicle, self.ground)

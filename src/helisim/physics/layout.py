@@ -78,7 +78,8 @@ ParamIndex = namedtuple(
     "turbulence_u turbulence_v turbulence_w turbulence_p turbulence_lag_u turbulence_lag_v "
     "turbulence_lag_w turbulence_lag_p "
     # faults: 1 where there are any; then all that follow count, up to `tail_fault_high`; the rest,
-    # like `STATE.read_p` to `read_r`, keeps its place, as a model's digest is of all
+    # of which `ROLL_ATTITUDE` and `ROLL_VELOCITY` take two, like `STATE.read_p` to `read_r`, keeps
+    # its place, as a model's digest is of all
     "faults front_fault_at front_fault_rate_limit front_fault_low front_fault_high left_fault_at "
     "left_fault_rate_limit left_fault_low left_fault_high right_fault_at right_fault_rate_limit "
     "right_fault_low right_fault_high tail_fault_at tail_fault_rate_limit tail_fault_low "
@@ -86,6 +87,8 @@ ParamIndex = namedtuple(
     "dropout_q dropout_r",
 )
 PARAM = known(ParamIndex)(*range(len(ParamIndex._fields)))  # the rotor's user numbers, SI
+ROLL_ATTITUDE, ROLL_VELOCITY = PARAM.restart_at, PARAM.restart_until
+"""Of `pilot_k_attitude` and `pilot_k_velocity` roll has so much more than pitch."""
 
 WASH = 8  # numbers of hover and descent, then by powers of the skew's cosine
 NO_LAW = 0

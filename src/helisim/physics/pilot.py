@@ -9,7 +9,16 @@ import numpy as np
 
 from helisim.physics.controller import injected, is_injected
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, DOUBLET, HANDS_OFF_ROTOR, INJECTION, PARAM, SWEEP
+from helisim.physics.layout import (
+    CONTROL,
+    DOUBLET,
+    HANDS_OFF_ROTOR,
+    INJECTION,
+    PARAM,
+    ROLL_ATTITUDE,
+    ROLL_VELOCITY,
+    SWEEP,
+)
 from helisim.physics.memory import double, doubles_from
 from helisim.physics.motion import euler_angles, flip, rotation, to_body, velocity
 
@@ -122,14 +131,15 @@ def hold(par, matrix, north, east, down, u, v, w):
     right = -sine * off_north + cosine * off_east
     u_error = par[PARAM.pilot_k_position] * ahead - u
     v_error = par[PARAM.pilot_k_position] * right - v
+    across = par[PARAM.pilot_k_velocity] + par[ROLL_VELOCITY]
     theta_error = par[PARAM.pilot_theta] - par[PARAM.pilot_k_velocity] * u_error - theta
-    phi_error = par[PARAM.pilot_phi] + par[PARAM.pilot_k_velocity] * v_error - phi
+    phi_error = par[PARAM.pilot_phi] + across * v_error - phi
     w_error = par[PARAM.pilot_k_height] * (par[PARAM.pilot_down] - down) - w
     psi_error = wrap_to_pi(par[PARAM.pilot_psi] - psi)
     return (
         par[PARAM.pilot_col] - par[PARAM.pilot_k_heave] * w_error,
         par[PARAM.pilot_lon] + par[PARAM.pilot_k_attitude] * theta_error,
-        par[PARAM.pilot_lat] + par[PARAM.pilot_k_attitude] * phi_error,
+        par[PARAM.pilot_lat] + (par[PARAM.pilot_k_attitude] + par[ROLL_ATTITUDE]) * phi_error,
         par[PARAM.pilot_ped] + par[PARAM.pilot_k_heading] * psi_error,
     )
 

@@ -92,7 +92,7 @@ def write_faults(par: NDArray[np.float64], faults: Sequence[Fault]) -> None:
     """Put the servos' faults into a vehicle's parameters (n_param,) for the force laws."""
     stuck = [fault for fault in faults if isinstance(fault, ServoStuck)]
     par[PARAM.faults] = float(bool(stuck))
-    par[PARAM.faults + 1 :] = NEVER
+    par[PARAM.faults + 1 : PARAM.tail_fault_high + 1] = NEVER
     for one in stuck:
         first, at = PARAM.front_fault_at + 4 * SERVOS.index(one.servo), one.position
         limits = (0.0, -NEVER, NEVER) if at is None else (NEVER, at, at)

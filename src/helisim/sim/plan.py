@@ -42,17 +42,19 @@ from helisim.base.settings import (
     to_plain,
     toml_text,
 )
-from helisim.physics.layout import PARAM
+from helisim.physics.layout import PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
 from helisim.records.record import FlightRecord
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.faults import Fault, check_faults
+from helisim.sim.gains import on_law
 from helisim.sim.ground import Ground
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import collective_stick, own_parts, root_body
+from helisim.vehicle.law import trimmed_sticks
+from helisim.vehicle.trim import own_parts, root_body
 
 _AIR = 0.9  # m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m
 
@@ -88,8 +90,19 @@ class Pilot:
         par[PARAM.pilot_on] = 1.0
         par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
         par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta
-        par[PARAM.pilot_col] = collective_stick(vehicle.model, vehicle.trim)
-        par[PARAM.pilot_lon : PARAM.pilot_ped + 1] = 0.0
+        par[PARAM.pilot_col : PARAM.pilot_ped + 1] = trimmed_sticks(
+            vehicle.controller, vehicle.model, vehicle.trim
+        )
+        attitude, velocity, position, heave, height, heading = (
+            float(one) for one in par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1]
+        )
+        ahead, back = on_law(
+            vehicle, (-heave, attitude, attitude, heading), velocity, position, height
+        )
+        tilts = velocity * (ahead / np.where(back, back, 1.0))
+        par[PARAM.pilot_k_attitude], par[PARAM.pilot_k_velocity] = back[1], tilts[1]
+        par[ROLL_ATTITUDE], par[ROLL_VELOCITY] = (one[2] - one[1] for one in (back, tilts))
+        par[PARAM.pilot_k_heave], par[PARAM.pilot_k_heading] = -back[0], back[3]
         par[PARAM.pilot_seed] = seed
         par[PARAM.remnant_col : PARAM.remnant_ped + 1] = self.remnant
         par[PARAM.remnant_interval] = self.remnant_interval

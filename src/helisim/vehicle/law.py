@@ -1,6 +1,7 @@
 """The linear model of a control law about a steady flight: the law itself, differentiated."""
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import mujoco
 import numpy as np
@@ -14,7 +15,7 @@ from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
 from helisim.records.record import IN1, IN2, RATES
 from helisim.vehicle.controller import SHIPPED, Controller
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import Trim, addresses, place, steady_force
+from helisim.vehicle.trim import Trim, addresses, collective_stick, place, steady_force
 
 _STEP = 1e-5  # central difference, unitised or SI, as of the base helicopter
 _TRIES = 20
@@ -41,6 +42,15 @@ def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> 
     a, b = jacobian[:, :n], jacobian[:, [n + k for k in kept]]
     period, names = float(law.par[PARAM.gyro_period]), tuple(inputs[k] for k in kept)
     return LinearSystem(a[:n], b[:n], a[n:], b[n:], period, names, IN1, controller.state_names)
+
+
+def trimmed_sticks(controller: Controller, model: mujoco.MjModel, trim: Trim) -> tuple[float, ...]:
+    """Return COL, LON, LAT, PED, unitised, that hold a steady flight; if none do, the gyro's."""
+    if controller.laws:
+        with suppress(ModelError):
+            seen, _ = _settled(_Stepper(controller, model, trim), str(controller.name))
+            return tuple(getattr(seen, stick) for stick in IN2)
+    return collective_stick(model, trim), 0.0, 0.0, 0.0
 
 
 class _Stepper:
@@ -100,7 +110,7 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
 
     for _ in range(_TRIES):
         left = off(at)
-        if np.max(np.abs(left)) < _SETTLED:
+        if not np.max(np.abs(left)) >= _SETTLED:  # or it is no number
             break
         at = at + np.linalg.lstsq(_jacobian(off, at), -left, rcond=1e-9)[0]
     wrong = off(at)[n:]

@@ -14,8 +14,10 @@ import numpy as np
 
 from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
+from helisim.sim.gains import on_law
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import Motion, Trim, collective_stick, root_body
+from helisim.vehicle.law import trimmed_sticks
+from helisim.vehicle.trim import Motion, Trim, root_body
 
 _ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
 """rad/s, at which the loops of attitude, velocity and position cross over."""
@@ -153,16 +155,26 @@ class OuterLoop:
 
     def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, trim: Trim, rotor: int) -> None:
         par = model.actuator_user[rotor]
-        rates = [
-            [par[PARAM.gyro_p_per_lat], par[PARAM.gyro_p_per_lon]],
-            [par[PARAM.gyro_q_per_lat], par[PARAM.gyro_q_per_lon]],
-        ]
+        rates = np.array(
+            [
+                [par[PARAM.gyro_p_per_lat], par[PARAM.gyro_p_per_lon]],
+                [par[PARAM.gyro_q_per_lat], par[PARAM.gyro_q_per_lon]],
+            ]
+        )
         self._theta, self._phi = trim.theta, trim.phi
-        self.collective = collective_stick(model, trim)
+        self.collective, *centre = trimmed_sticks(vehicle.controller, model, trim)
         self.gravity = float(np.linalg.norm(model.opt.gravity))
-        self._lift = abs(vehicle.derivatives["Z_col"] * float(par[PARAM.gyro_collective]))
-        self._to_cyclic = np.linalg.inv(rates)
-        self._yaw_rate = float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a])
+        lift = abs(vehicle.derivatives["Z_col"] * float(par[PARAM.gyro_collective]))
+        yaw_rate = float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a])
+        roll, pitch = (_ATTITUDE / np.diagonal(rates)).tolist()
+        given = (-_HEAVE / lift, pitch, roll, _HEADING / yaw_rate)
+        ahead, back = on_law(vehicle, given, _VELOCITY / self.gravity, _POSITION, _HEIGHT)
+        heave, _, _, heading = (given / back).tolist()
+        if (back[1], back[2]) != (pitch, roll):  # a law that hasn't the gyro's coupling
+            rates = np.diag(_ATTITUDE / back[2:0:-1])
+        self._to_cyclic, self._ahead = np.linalg.inv(rates), (ahead - back)[2:0:-1]
+        self._tilt, self._centre = _END / max(1e-9, *np.abs(self._ahead)), np.array(centre)
+        self._lift, self._yaw_rate = lift * heave, yaw_rate * heading
         self._north = self._east = self._down = 0.0
         self._mass = float(model.body_subtreemass[root_body(model)])
         radius = float(par[PARAM.main_radius])
@@ -170,9 +182,9 @@ class OuterLoop:
         self._tip_speed = float(par[PARAM.main_speed]) * radius
         self._area = float(par[PARAM.air_density]) * math.pi * radius**2
         self._blades = 0.5 * float(par[PARAM.main_lift_slope] * par[PARAM.main_solidity])
-        self._travel = float(par[PARAM.main_pitch_range] * par[PARAM.gyro_collective])
+        self._travel = float(par[PARAM.main_pitch_range] * par[PARAM.gyro_collective]) * heave
         self._induced, self._offset = math.sqrt(self._weight / (2.0 * self._area)), 0.0
-        hover = collective_stick(model, vehicle.trim)
+        hover, *_ = trimmed_sticks(vehicle.controller, model, vehicle.trim)
         self._offset = hover - self.lifting(0.0, 1.0, 0.0, 0.0)
 
     def lifting(self, push: float, speed: float, through: float, across: float) -> float:
@@ -219,7 +231,7 @@ class OuterLoop:
         east = wanted.east_acceleration + _VELOCITY * east_off + self._east
         cosine, sine = math.cos(seen.motion.psi), math.sin(seen.motion.psi)
         ahead, right = cosine * north + sine * east, cosine * east - sine * north
-        most = self.gravity * math.tan(wanted.tilt)
+        most = self.gravity * math.tan(min(wanted.tilt, self._tilt))
         share = min(1.0, most / max(1e-9, math.hypot(ahead, right)))
         if share == 1.0:
             self._north += seconds * _VELOCITY * _TRIMMING * north_off
@@ -239,8 +251,13 @@ class OuterLoop:
         p = phi_rate - psi_rate * math.sin(now.theta)
         q = theta_rate * cosine + psi_rate * level * sine
         r = psi_rate * level * cosine - theta_rate * sine
-        lat, lon = (float(one) for one in self._to_cyclic @ (p, q))
-        return _limited(lon, _END), _limited(lat, _END), _limited(r / self._yaw_rate, _END)
+        lean = self._ahead * (phi - self._phi, theta - self._theta) + self._centre[1::-1]
+        lat, lon = (float(one) for one in self._to_cyclic @ (p, q) + lean)
+        return (
+            _limited(lon, _END),
+            _limited(lat, _END),
+            _limited(r / self._yaw_rate + float(self._centre[2]), _END),
+        )
 
 
 def _limited(value: float, most: float) -> float:

@@ -26,7 +26,14 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.settings import Value, check, setting
 from helisim.physics.laws import Failure, raised
-from helisim.physics.layout import HANDS_OFF_ROTOR, PARAM, ROTOR, STATE
+from helisim.physics.layout import (
+    HANDS_OFF_ROTOR,
+    PARAM,
+    ROLL_ATTITUDE,
+    ROLL_VELOCITY,
+    ROTOR,
+    STATE,
+)
 from helisim.physics.motion import flip
 from helisim.sim.excitation import check_plain, register
 from helisim.sim.ground import FLIPS, Ground, outline
@@ -135,7 +142,13 @@ class ScriptedPilot:
         self._points, self._radii = shape.points + vehicle.imu_offset, shape.radii
         self._par = model.actuator_user[self._where.rotor]
         self._par[PARAM.pilot_on] = HANDS_OFF_ROTOR
-        self._par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1] = 0.0
+        self._par[
+            [
+                *range(PARAM.pilot_k_attitude, PARAM.pilot_k_heading + 1),
+                ROLL_ATTITUDE,
+                ROLL_VELOCITY,
+            ]
+        ] = 0.0
         data.ctrl[self._where.control + ROTOR] = 1.0
         loop = OuterLoop(vehicle, model, trim, self._where.rotor)
         self._pilot = Autopilot(loop, self._seen(data), every * model.opt.timestep)
