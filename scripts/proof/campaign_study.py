@@ -78,16 +78,25 @@ def verdict(rows: Sequence[Row]) -> None:
     """Print the coverage at each number and length of sweeps, and which fall below `HELD`."""
     found = summarise(pa.Table.from_pylist(rows), by=(LENGTH,))
     flown = sorted({(one.group["flights"], one.group[LENGTH]) for one in found})
-    cells: dict[str, dict[tuple[int, float], float]] = {}
+    cells: dict[str, dict[tuple[int, float], Summary]] = {}
     for one in found:
-        here = (one.group["flights"], one.group[LENGTH])
-        cells.setdefault(named(one), {})[here] = one.covered * one.count / (one.count + one.failed)
+        cells.setdefault(named(one), {})[one.group["flights"], one.group[LENGTH]] = one
+    print(
+        f"\n{'bias +- scatter, stated':<24}" + "".join(f"{f'{n} x {s:g} s':>26}" for n, s in flown)
+    )
+    for name, line in cells.items():
+        shown = (f"{scattered(line[at])}{100 * line[at].stated:8.2f}" for at in flown)
+        print(f"{name:<24}" + "".join(shown))
     print(f"\n{'% in 95 %, of sweeps':<24}" + "".join(f"{f'{n} x {s:g} s':>12}" for n, s in flown))
     for name, line in cells.items():
-        print(f"{name:<24}" + "".join(f"{100 * line[at]:>12.0f}" for at in flown))
+        print(f"{name:<24}" + "".join(f"{100 * held(line[at]):>12.0f}" for at in flown))
     for n, s in flown:
-        low = [name for name, line in cells.items() if not line[n, s] >= HELD]
+        low = [name for name, line in cells.items() if not held(line[n, s]) >= HELD]
         print(f"{n} x {s:g} s: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
+
+
+def held(one: Summary) -> float:
+    return one.covered * one.count / (one.count + one.failed)  # no estimate holds no truth
 
 
 def against(rows: Sequence[Row], column: str, condition: Row) -> None:
