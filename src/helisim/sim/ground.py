@@ -216,7 +216,7 @@ class Ground:
         data.qpos[:7], data.qpos[7:], data.qvel[6:] = standing, *deck
         if self.rotor < 1.0:  # the engine idles
             act = data.act[addresses(model).state :]
-            act[STATE.speed], act[STATE.engine], act[STATE.governor] = self.rotor, 0.0, 0.0
+            act[STATE.speed : STATE.fuel + 1] = self.rotor, 0.0, 0.0, 0.0
         if self.deck is not None:
             self.deck.carry(model, data)
 

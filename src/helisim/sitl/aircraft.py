@@ -153,7 +153,7 @@ class Aircraft:
             if self.crashed:
                 self._crash_time, self._slow_rotor = self.time, 0.0
                 act = self.data.act[self._where.state :]
-                act[STATE.speed] = act[STATE.engine] = act[STATE.governor] = 0.0
+                act[STATE.speed : STATE.fuel + 1] = 0.0
         return sensed
 
     def record(self) -> FlightRecord:
