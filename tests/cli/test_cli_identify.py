@@ -13,6 +13,7 @@ from command import fails, python
 from helisim.cli import main, parser
 from helisim.ident import Structure, load_fit, structures
 from helisim.logs import read_log
+from helisim.logs.examples import copy_examples
 from helisim.records.storage import write_record
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
 
@@ -204,3 +205,18 @@ def test_what_is_known_from_a_bench_carries_its_error(tmp_path, swept):
     assert fit["Z_w"].definition.error == 0.5
     assert fit["Z_col"].value == pytest.approx(exact["Z_col"].value)
     assert fit["Z_col"].standard_error > 1.2 * exact["Z_col"].standard_error
+
+
+def test_recorded_sticks_are_the_reference(tmp_path, capsys):
+    """The joint estimate is the default, the direct one beside it; "none" asks for the direct."""
+    copy_examples(tmp_path)
+    log = str(tmp_path / "sweep_ped.parquet")
+    words = ["identify", log, "--structure", "yaw_base", "--quiet"]
+    main(words)
+    said = capsys.readouterr().out
+    assert "joint input-output" in said
+    assert "the direct estimate beside it" in said
+    main([*words, "--reference", "none"])
+    said = capsys.readouterr().out
+    assert "joint" not in said
+    assert "beside it" not in said

@@ -31,7 +31,7 @@ from helisim.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from helisim.ident import FrequencyResponse, Structure
+    from helisim.ident import Fit, FrequencyResponse, Structure
     from helisim.logs import Log
     from helisim.look.systemid import Inferred, InferredFit
 
@@ -70,7 +70,8 @@ def identify(o: Options) -> int:
         --outputs P,Q <names =>  channels that respond (default: the structure's)
         --conditioning C,D <names =>  further inputs that moved: effect removed
         --reference A,B <names =>  signals outside the loop, such as sticks: joint input-output
-            method, unbiased by feedback and gusts
+            method, unbiased by feedback and gusts (default: the inputs' sticks, where they
+            are recorded and excite; none: the direct method)
         --band LO HI  rad/s (default: what the records resolve)
         @estimator
         how parameters are fitted (names: helisim structures NAME):
@@ -130,6 +131,8 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
     how = ", ".join(filter(None, (fit.method, frf.estimator)))
     print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
     print(wrapped(fit.text(worded_note), indent=2))
+    if frf.direct:
+        print(wrapped(_beside(fit, frf.direct, o), indent=2))
     if fit.verdict.word == "wrong" or fit.dropped:
         lines = [worded_note(one) for one in suspicions(fit) if one not in fit.notes]
         if lines:
@@ -145,6 +148,26 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
             write_fit_report(report, fit, records=named, on_progress=advance)
     print_written(o, json, report)
     return _STATUS[fit.verdict.word]
+
+
+def _beside(fit: "Fit", direct: "FrequencyResponse", o: Options) -> str:
+    """Return by how much the direct estimate's parameters differ, in words."""
+    from helisim.ident import identify
+
+    structure = fit.structure.with_starts(
+        {one.name: fit[one.name].value for one in fit.structure.free}
+    )
+    other = identify(
+        direct, structure, band=fit.options["band_rad_s"], **_search(o) | {"searches": 1}
+    )
+    shift = {
+        name: (other[name].value - one.value) / one.standard_error
+        for name, one in fit.parameters.items()
+        if not one.fixed and 0.0 < one.standard_error < math.inf
+    }
+    most = sorted(shift, key=lambda name: -abs(shift[name]))[:3]
+    said = ", ".join(f"{name} {other[name].value:.4g} ({shift[name]:+.2g} errors)" for name in most)
+    return f"the direct estimate beside it, which feedback biases, differs most in {said}"
 
 
 def _search(o: Options) -> dict[str, Any]:

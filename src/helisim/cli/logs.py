@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from helisim.records.record import FlightRecord
 
 Band = tuple[float, float]
+_AS_COHERENT = 0.9  # of the direct estimate's coherent points, that the joint one by sticks needs
 _SAMPLES_A_PERIOD = 10.0  # The default band ends where a period still has so many samples
 
 
@@ -50,12 +51,13 @@ def read_logs(
 ) -> "tuple[Log, ...]":
     """Read all logs: uniform, with all wanted channels, by default those that options name."""
     from helisim.logs import Column, read_logs
-    from helisim.records.record import ATTITUDES
+    from helisim.records.record import ATTITUDES, IN2
 
     given = given_columns(options)
     channels: Any = given if given.channels else None
     if wanted is not None:
-        beside = [name for name in ATTITUDES if name in given.channels]  # they tell wrong rates
+        # angles tell wrong rates, and sticks are outside the loop
+        beside = [name for name in (*ATTITUDES, *IN2) if name in given.channels]
         taken = dict.fromkeys((*wanted, *beside))
         own = {name: given.channels.get(name, Column(name)) for name in taken}
         said = options.map is not None or options.channel
@@ -124,19 +126,25 @@ def estimate(
     outputs: Sequence[str],
     advance: Callable[[str], None],
 ) -> "tuple[tuple[Log, ...], FrequencyResponse]":
-    """Return the logs and their frequency response, whose flags say what to doubt."""
+    """Return the logs and their frequency response, whose flags say what to doubt.
+
+    Where the inputs' sticks are recorded and excite them, they are the reference.
+    """
     from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
 
     others = {"conditioning": options.conditioning, "reference": options.reference}
-    wanted = tuple(
-        dict.fromkeys((*inputs, *others["conditioning"], *others["reference"], *outputs))
-    )
+    told = [name for name in others["reference"] if name != "none"]
+    wanted = tuple(dict.fromkeys((*inputs, *others["conditioning"], *told, *outputs)))
     with warnings.catch_warnings():
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
         logs = read_logs(options, wanted, advance, moving=True)
         records = records_of(logs)
         low, high = options.band or resolved_band(records)
+        if not others["reference"]:
+            others["reference"] = _sticks(records, (*inputs, *others["conditioning"]))
+        elif others["reference"] == ("none",):
+            others["reference"] = ()
         with located(logs):
             response = frequency_response(
                 records,
@@ -148,7 +156,23 @@ def estimate(
                 estimator=options.estimator,
             )
         advance("frequency responses")
+    if response.direct and not options.reference:
+        joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
+        if joint < _AS_COHERENT * direct:  # the sticks are not what excites
+            response = replace(response.direct, evidence=response.evidence)
     return logs, response
+
+
+def _sticks(records: "Sequence[FlightRecord]", inputs: Sequence[str]) -> tuple[str, ...]:
+    """Return the sticks of the inputs, where all are recorded and move; else none."""
+    from helisim.records.record import IN1, IN2
+
+    sticks = tuple(dict(zip(IN1, IN2)).get(name, "") for name in inputs)
+    there = all(name in one for one in records for name in sticks)
+    moves = there and all(
+        any(one[name].min() < one[name].max() for one in records) for name in sticks
+    )
+    return sticks if moves else ()
 
 
 def resolved_band(records: "Sequence[FlightRecord]") -> Band:
@@ -177,7 +201,8 @@ def frf(o: Options) -> int:
         --outputs P,Q <must names>  channels that respond
         --conditioning C,D <names =>  further inputs that moved: effect removed
         --reference A,B <names =>  signals outside the loop, such as sticks: joint input-output
-            method, unbiased by feedback and gusts
+            method, unbiased by feedback and gusts (default: the inputs' sticks, where they
+            are recorded and excite; none: the direct method)
         --band LO HI  rad/s (default: what the records resolve)
         @estimator
         options:
