@@ -8,8 +8,9 @@ cosmic-ray's operators make the mutants. A seeded sample of places in the source
 with one of the mutants possible there that is still Python; annotations, decorators and
 `TYPE_CHECKING` are left out. The tests run once under coverage, so that a mutant meets only tests
 that execute its line, the restated laws and then the fastest first, until one fails. Its CPU time
-is limited: an endless loop counts as killed. The physics runs interpreted (tests/interpreted.py),
-so that kernel.py, which compiles it, is left out. Everything happens in a copy of the checkout.
+is limited, and how long it may wait: what never ends counts as killed. The physics runs interpreted
+(tests/interpreted.py), so that kernel.py, which compiles it, is left out. Everything happens in a
+copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %.
@@ -23,6 +24,7 @@ import os
 import random
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -68,6 +70,7 @@ FIRST = "restated"
 """In the name of tests that hold whole laws against a second statement of them: tried first."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
 CPU_LIMIT = 30  # s of a mutant's tests beyond twice what they take by themselves
+WAIT_LIMIT = 10  # times as long by the clock, on a machine with other work
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,8 @@ def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
             found += node.decorator_list
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             found.append(node.test)
+        if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Literal":
+            found.append(node)
     return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found]
 
 
@@ -174,6 +179,7 @@ def in_child(work: Callable[[], int], cpu: float | None, log: Path) -> int:
     os.dup2(target, 2)
     if cpu is not None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(cpu) + 1, int(cpu) + 2))
+        signal.alarm(WAIT_LIMIT * (int(cpu) + 1))
     try:
         status = work()
     except BaseException:
