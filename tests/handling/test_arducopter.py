@@ -104,6 +104,8 @@ def test_a_response_is_the_z_transform_of_the_difference_equations():
     pid = 0.24685 + 0.0245 * law.period / (1.0 - back) + 0.0039 * (1.0 - back) / law.period
     found = law.response(frequency)[2, 2]
     assert found == pytest.approx(-pid * law.gyro(frequency), rel=1e-9)
+    # upright, each angle's error is a rate of its own axis
+    assert law.wanted(np.eye(3), np.zeros((3, 3))) == pytest.approx(np.diag([*ANGLE.values()]))
 
 
 @pytest.mark.parametrize("shaped", [0.0, 1.0])

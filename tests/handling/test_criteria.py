@@ -12,6 +12,7 @@ from helisim.handling import criteria
 from helisim.handling.criteria import Limit, LoadRejection
 from helisim.handling.criterion import MOST, froude_scale
 from helisim.handling.loop import Curve, History, NoResponse
+from tabled import tabled
 
 ALL = [
     criteria.StabilityMargins(axis="lat"),
@@ -131,24 +132,7 @@ def test_a_scaled_criterion_rates_a_scaled_loop_alike():
             assert there.distance == pytest.approx(here.distance, rel=2e-2, abs=1e-6), one
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Limit(3.0, 3.0), "can't end at the same value, 3"),
-        (lambda: Limit(np.inf, 3.0), "finite"),
-        (lambda: criteria.StabilityMargins(axis="rol"), "did you mean roll"),
-        (lambda: criteria.StabilityMargins(axis=""), "unknown axis"),
-        (lambda: criteria.AttitudeBandwidth(axis="lat", task="otter"), "did you mean other"),
-        (lambda: criteria.AttitudeBandwidth(axis="col"), "no bandwidth of heave"),
-        (lambda: criteria.AttitudeQuickness(axis="col"), "no quickness of heave"),
-        (lambda: criteria.Coupling(axis="ped"), "give another axis as `onto`"),
-        (lambda: criteria.StabilityMargins(axis="lat", scale=0.0), "above 0"),
-        (lambda: criteria.StabilityMargins(axis="lat", at="sensor"), "did you mean sensors"),
-        (lambda: criteria.Crossover(axis="lat", at="p", frequency=Limit(6.0, 3.0)), "actuators"),
-        (lambda: LoadRejection(axis="lat", high=2.0, turned=Limit(12.0, 6.0)), "less is better"),
-        (lambda: froude_scale(-1.0), "above 0"),
-    ],
-)
+@tabled("make", "words")
 def test_what_cannot_be_asked_is_said(make, words):
     with pytest.raises(InputError, match=words):
         make()
@@ -237,6 +221,32 @@ def test_quickness_ends_where_the_digitised_figure_does(axis):
     assert asked.change == np.radians(20.0)
 
 
+def test_quickness_is_judged_at_the_change_that_is_kept():
+    """A step to 0.5 rad that falls back to 0.4 and stays; half of a wanted 0.25 is a peak of that.
+
+    Of the least change after the peak, 0.2 rad, the border is ADS-33's.
+    """
+    time = np.linspace(0.0, 5.0, 501)
+    phi = np.interp(time, [0.0, 1.0, 1.5], [0.0, 0.5, 0.4])
+    signals = {"phi": phi, "p": np.gradient(phi, time)}
+    seen = SimpleNamespace(step=lambda *_, **__: History(time, signals))
+    found = criteria.AttitudeQuickness(axis="lat", change=0.25).rate(seen)
+    assert dict(found.figures) == pytest.approx({"quickness": 1.0, "peak": 0.25, "least": 0.2})
+    assert found.criterion == criteria.AttitudeQuickness(axis="lat", change=found.figures["least"])
+
+
+@pytest.mark.parametrize("axis", ["lat", "lon", "ped"])
+def test_of_a_rate_response_the_lesser_bandwidth_counts(axis):
+    """ADS-33E-PRF, 3.3.5.1: yaw answers with a rate; of exp(-s / 10) / s^0.5 it is the gain's."""
+    own = np.geomspace(0.5, 60.0, 2000)
+    seen = SimpleNamespace(command=lambda *_: Curve(own, np.exp(-0.1j * own) / (1j * own) ** 0.5))
+    rating = criteria.AttitudeBandwidth(axis=axis).rate(seen)
+    assert ("look for oscillations" in rating.remark) == (axis != "ped")
+    # -135 deg at 5 pi, -180 deg at 7.5 pi, where the gain is half of that at a quarter of it
+    bandwidth = 7.5 * np.pi / 4.0 if axis == "ped" else 5.0 * np.pi
+    assert rating.figures["bandwidth"] == pytest.approx(bandwidth, rel=1e-4)
+
+
 @pytest.mark.parametrize("scale", [1.0, 16.0])
 def test_actuator_use_of_an_angle_fed_back_is_that_of_filtered_noise(scale):
     """White noise behind two lags: rms s, and of its derivative s times the corner."""
@@ -271,11 +281,12 @@ def test_an_axis_answers_to_both_of_its_names():
         criteria.Damping(axis="everything")
 
 
-def test_a_slow_load_turns_the_vehicle_as_a_spring_does():
+@pytest.mark.parametrize("gain", [0.4, 4.0])
+def test_a_slow_load_turns_the_vehicle_as_a_spring_does(gain):
     """Far below the bandwidth the angle is the load over the angle's gain: a servo's stiffness."""
-    loop = AttitudeLoop(k=0.4)
+    loop = AttitudeLoop(k=gain)
     rating = LoadRejection(axis="lat", low=0.21, high=0.23, turned=Limit(0.0, 6.0)).rate(loop)
     # next is w k_rate / k of it in quadrature, 0.2 % at 0.21 rad/s: 0.02 dB
-    assert rating.figures["turned"] == pytest.approx(20.0 * np.log10(1.0 / 0.4), abs=0.02)
+    assert rating.figures["turned"] == pytest.approx(-20.0 * np.log10(gain), abs=0.02)
     with pytest.raises(NoResponse, match=r"known from 0\.2 to 150 rad/s, not from 0\.1 to 2"):
         LoadRejection(axis="lat", low=0.1, high=2.0, turned=Limit(0.0, 6.0)).rate(loop)

@@ -78,6 +78,16 @@ def test_a_crossover_beyond_the_band_is_continued(gain):
     found = margins(curve(gain / S))
     assert found.crossover == pytest.approx(gain, rel=1e-9)
     assert found.least_gain == 60.0  # dB, the most that is told
+    # beyond the band's end a gain that falls below one may do so at the phase there; one that is
+    # below leaves its share of a half turn
+    wide = np.pi * (1.0 - 0.5 * gain / GRID[0]) if gain < GRID[0] else 0.5 * np.pi
+    assert found.open_phase == pytest.approx(np.pi if gain == 30.0 or gain == 0.5 else wide)
+
+
+def test_a_phase_margin_is_within_a_half_turn_to_either_side():
+    """Between two points beside the positive axis, 0.3 deg from it at a gain of one."""
+    found = margins(Curve([1.0, 2.0], [1.1 * np.exp(0.01j), np.exp(-0.02j) / 1.1]))
+    assert found.phase == (pytest.approx((2.0**0.5, np.pi - 0.005)),)
 
 
 @pytest.mark.parametrize("delay", [0.004, 0.008, 0.0104, 0.0106, 0.013])
@@ -86,3 +96,9 @@ def test_a_gain_margin_beyond_the_band_is_extended(delay):
     loop = Curve(GRID, 20.0 * np.exp(-1j * GRID * delay) / (1j * GRID))
     expected = -20.0 * np.log10(20.0 * delay * 2.0 / np.pi)
     assert margins(loop).least_gain == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_gain_that_rises_is_not_extended():
+    """Of 0.02 sqrt(s) exp(-s / 60) the phase is -180 deg beyond the band: the end's gain counts."""
+    loop = Curve(GRID, 0.02 * np.sqrt(1j * GRID) * np.exp(-1j * GRID / 60.0))
+    assert margins(loop).least_gain == pytest.approx(-loop.decibel[-1], rel=1e-9)

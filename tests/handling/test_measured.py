@@ -26,6 +26,7 @@ from helisim.handling.measured.margins import (
 )
 from helisim.ident import frequency_response
 from helisim.records.record import Channel, FlightRecord
+from tabled import tabled
 
 CROSSOVER = {"band": (4.0, 9.0), "draws": 2}
 """Around the crossover alone, at 4.9 rad/s, and no intervals: in a tenth of the time."""
@@ -240,22 +241,18 @@ def test_responses_of_a_loop_follow_from_what_was_injected():
     assert (np.std(off.real), np.std(off.imag)) == pytest.approx((0.006, 0.002), rel=0.06)
     draws = [one.broken("lat").response for _, one in zip(range(3), many.draws)]
     np.testing.assert_array_equal(draws, samples[:3])
-    with pytest.raises(
-        NoResponse, match="r was not recorded while LAT was moved; there are p, q, lat"
+    for asked, words in (
+        (lambda: loop.command("lat", "r"), "r was not recorded while LAT .* there are p, q, lat"),
+        (lambda: loop.command("lon"), "LON was not moved .* lat_disturbance, phi_disturbance, LAT"),
+        (lambda: loop.broken("ped"), "into ped at actuators; there is lat at actuators, lat at se"),
+        (lambda: MeasuredLoop(driven, (), 2).broken("lat"), "there is no cut"),
+        (lambda: MeasuredLoop((), (), 2).command("lat"), "in the records: nothing was"),
     ):
-        loop.command("lat", "r")
+        with pytest.raises(NoResponse, match=words):
+            asked()
 
 
-@pytest.mark.parametrize(
-    ("doubtful", "band"),
-    [
-        ((), (1, 12)),
-        ((1, 5, 12), (6, 11)),
-        ((4, 9), (5, 8)),
-        ((4, 8, 12), (1, 3)),
-        ((3, 10), (4, 9)),
-    ],
-)
+@tabled("doubtful", "band")
 def test_a_curve_is_the_longest_band_that_is_known(doubtful, band):
     """Known to 15 % by half of the draws; of bands as long as another the lowest."""
     frequency = np.arange(1.0, 13.0)

@@ -4,6 +4,8 @@ A tolerance is half of the last printed digit, and what straight lines between t
 grid add where that is more.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -20,6 +22,8 @@ from helisim.handling.figures import (
     rejection,
 )
 from helisim.handling.loop import GRID, Curve
+from helisim.handling.measured.interval import figures_of
+from tabled import tabled
 
 FINE = np.geomspace(0.05, 300.0, 2000)
 
@@ -63,15 +67,20 @@ def test_margins_to_both_sides_of_a_conditionally_stable_vehicle():
     margin 36.22 deg, stable. Its root locus leaves stability at gains of 640 and 12564, that is
     at 0.2929 and 5.750; three digits of its polynomial are worth 2 % of the lower.
     """
-    found = margins(
-        curve(lambda s: 2185.0 * (s**2 + 2.687 * s + 2.985) / (s**5 + 34.8 * s**4 + 452.0 * s**3))
-    )
+
+    def loop(s):
+        return 2185.0 * (s**2 + 2.687 * s + 2.985) / (s**5 + 34.8 * s**4 + 452.0 * s**3)
+
+    found = margins(curve(loop))
     lower, upper = (10.0 ** (gain / 20.0) for _, gain in found.gain)
     assert lower == pytest.approx(0.29, abs=0.005)
     assert lower == pytest.approx(640.0 / 2185.0, rel=0.02)
     assert upper == pytest.approx(5.75, abs=0.006)
     assert np.degrees(found.least_phase) == pytest.approx(36.22, abs=0.005)
     assert found.least_gain == pytest.approx(-20.0 * np.log10(lower))  # the nearer of both
+    twice = SimpleNamespace(broken=lambda *_: curve(lambda s: 2.0 * loop(s)))
+    told = figures_of(twice, "broken", "ped")["gain_margin"]  # with twice the gain the upper
+    assert told == pytest.approx(20.0 * np.log10(0.5 * upper))
     assert found.stable
 
 
@@ -98,6 +107,12 @@ def test_modes_of_a_helicopter():
     every = np.concatenate([[one, np.conj(one)] for one in printed] + [others])
     assert least_damped(every, low=1.0).frequency == pytest.approx(7.17, abs=0.006)
     assert least_damped(np.zeros(2, dtype=complex)) == (1.0, 0.0)
+    # outside of the band it counts less, an octave away not at all
+    for share in (0.0, 0.5, 1.0, 2.0):
+        pair, away = np.array([-1.0 + 3.0j, -1.0 - 3.0j]), 10.0**0.5 * 2.0**share
+        zeta = 0.1**0.5 + min(share, 1.0) * (1.0 - 0.1**0.5)
+        assert least_damped(pair, low=away).damping == pytest.approx(zeta)
+        assert least_damped(pair, high=10.0 / away).damping == pytest.approx(zeta)
 
 
 _TRANSPORT = LinearSystem(
@@ -214,16 +229,7 @@ def test_bandwidth_is_where_the_phase_is_in_closed_form(omega, zeta, delay, inte
     assert found.rate == min(found.phase, found.gain)
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "complete"),
-    [
-        (0.5, 60.0, True),
-        (0.5, 15.0, False),
-        (0.5, 7.0, False),
-        (0.5, 2.0, False),
-        (8.5, 60.0, False),
-    ],
-)
+@tabled("low", "high", "complete")
 def test_bandwidth_is_continued_by_a_radian_and_20_db(low, high, complete):
     """A phase that falls by 1 rad, a gain by 20 dB a decade, are the same beyond any band.
 

@@ -18,6 +18,7 @@ from helisim.handling.spec import (
     standard,
     write_specs,
 )
+from tabled import tabled
 
 EVERY = (
     Spec(criteria.StabilityMargins(axis="lat", phase=Limit(0.7, 0.3)), "hard"),
@@ -60,25 +61,7 @@ def asked(name, settings=""):
     return f'[[spec]]\ncriterion = "{name}"\naxis = "lat"\n{settings}\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", r"no specification: each is a table \[\[spec\]\]"),
-        ("sepc = 3\n", "did you mean spec"),
-        ('[[spec]]\naxis = "lat"\n', "spec 1: unknown criterion ''; available"),
-        (asked("margins"), "did you mean stability_margins"),
-        (asked("damping", 'kind = "firm"'), "hard, soft, objective, check"),
-        (asked("damping", "ratio = 0.5"), "must be a list of 2 numbers"),
-        (asked("damping", "ratio = [0.5, 0.5]"), "can't end at the same value"),
-        (asked("damping", "scale = -1.0"), "above 0"),
-        (asked("stability_margins", "gain_deg = [6, 3]"), "'gain_deg'; available: .* phase_deg"),
-        (asked("stability_margins", "phase_deg = [20, 45]"), "Level 1 must end above where"),
-        (asked("actuator_use", "rms = 0.5\nrms_deg = 30"), "rms and rms_deg say the same"),
-        (asked("actuator_use", "rate_limit = nan"), "number above 0, got nan"),
-        (asked("crossover"), "crossover needs frequency"),
-        (asked("coupling", 'onto = "rol"'), "did you mean roll"),
-    ],
-)
+@tabled("text", "words")
 def test_what_is_wrong_is_said_in_one_line(text, words, tmp_path):
     path = tmp_path / "specs.toml"
     path.write_text(text)

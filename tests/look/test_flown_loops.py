@@ -8,7 +8,8 @@ from command import fails
 from helisim.cli import main
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import margins
+from helisim.handling.figures import margins, rejection
+from helisim.handling.loop import Curve
 from helisim.look.loops import flown_loops
 from helisim.look.sweeps import SID_AXES
 from sid_logs import SidLog, _system, chirp
@@ -144,6 +145,10 @@ def test_two_logs_give_the_figures_of_all_their_axes(tmp_path):
         exact = margins(fine.broken(axis))
         one = found.figure("crossover", axis, "actuators")
         assert one.value == pytest.approx(exact.crossover, rel=0.01)
+        # moved by its own attitude and rate alone: S of the command is that of the attitude
+        left = Curve(fine.frequency, 1.0 / (1.0 + fine.broken(axis).response))
+        drb = found.figure("DRB", axis, "actuators").value
+        assert drb == pytest.approx(rejection(left).bandwidth, rel=0.03)
 
 
 def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):

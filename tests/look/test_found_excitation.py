@@ -1,11 +1,17 @@
-"""What was flown on a control, told from its time history."""
+"""What was flown on a control, told from its time history; what answers; what columns mean."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from helisim.look.channels import named
-from helisim.look.excitation import excitation
+from helisim.logs import Column
+from helisim.logs.source import Topics
+from helisim.look.channels import SeenClock, guess, named
+from helisim.look.excitation import FoundExcitation, answers, excitation
+from helisim.records.record import CHANNELS, Channel, FlightRecord
+from tabled import tabled
 
 T = np.arange(6000) / 100.0
 
@@ -50,6 +56,93 @@ def test_half_waves_are_told():
         assert one.amplitude == pytest.approx(0.5, rel=0.1)
 
 
+def doublet(at, width):
+    return 0.5 * ((at <= T) & (at + width > T)) - 0.5 * ((at + width <= T) & (at + 2 * width > T))
+
+
+def test_a_doublet_has_its_power_where_its_transform_is_large():
+    """|sin^2(w / 2) / (w / 2)| of half-waves of 1 s has half of its power's peak at the ends.
+
+    At 1.14 and 3.65 rad/s: to 15 %, in which it falls by a fifth.
+    """
+    one = found(doublet(20.0, 2.0))
+    assert (2.0 * one.low, 2.0 * one.high) == pytest.approx((1.144, 3.653), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("gap", "start", "kind"), [(6.0, 10.0, "3-2-1-1"), (12.0, 26.0, "doublet")]
+)
+def test_a_rest_within_an_excitation_is_short(gap, start, kind):
+    """6 s, or twice the twentieth of the log in which a control is looked at; then the longest."""
+    one = found(doublet(10.0, 2.0) + doublet(14.0 + gap, 3.0), level=0.005)
+    assert (one.kind, one.start) == (kind, pytest.approx(start, abs=0.02))
+    assert one.stop == pytest.approx(20.0 + gap, abs=0.02)
+
+
+def test_a_sweep_is_seen_to_the_logs_end():
+    """Also if the last twentieth of the log isn't whole."""
+    time = T[:5950]
+    one = excitation("lat", time, (chirp(1.0, 30.0, 10.0, T[-1]) + noise(0.02))[:5950])
+    assert one.stop == pytest.approx(time[-1], abs=0.05)
+
+
+@pytest.mark.parametrize(("share", "low", "high"), [(0.04, 3.0, 20.0), (0.02, 8.0, 8.0)])
+def test_a_motion_has_the_band_of_94_percent_of_its_power(share, low, high):
+    """Lines at 3, 8 and 20 rad/s, the outer ones of 4 or 2 % each; a minute resolves 0.1 rad/s."""
+    sizes = np.sqrt([share, 1.0 - 2.0 * share, share])
+    one = excitation("lat", T, np.sin(np.outer(T, [3.0, 8.0, 20.0])) @ sizes)
+    assert (one.kind, one.start, one.stop) == ("motion", 0.03, T[-1])  # of what isn't near 0
+    assert (one.low, one.high) == pytest.approx((low, high), abs=0.25)  # a Hann window's two lines
+
+
+def answered(low, high, rates=(), count=5000, noises=(1.0, 0.5, 2.0)):
+    """Return the answers of p, q, az to a motion of lat at 50 Hz: twice it, and noise."""
+    random = np.random.default_rng(0)
+    lat = random.standard_normal(count)
+    columns = [lat, *(2.0 * lat + noise * random.standard_normal(count) for noise in noises)]
+    names = ("lat", "p", "q", "az")
+    channels = tuple(Channel(name, CHANNELS[name].unit, "OTHER") for name in names)
+    record = FlightRecord(np.arange(count) / 50.0, np.column_stack(columns), channels, {})
+    one = FoundExcitation("lat", "motion", 0.0, record.duration, low, high, 1.0)
+    return answers(record, [one], dict(rates))
+
+
+def test_answers_have_their_coherence_and_the_best_is_first():
+    """4 / (4 + noise): 0.80, 0.94, and 0.5, which is not enough; means of 60 lines, 9 windows."""
+    found = answered(0.5, 20.0)
+    assert [one.output for one in found] == ["q", "p"]
+    assert [one.coherence for one in found] == pytest.approx([4 / 4.25, 4 / 5], abs=0.03)
+    assert found[0].structure.startswith("tf:0/")
+    (_, _, az) = sorted(answered(0.5, 20.0, noises=(0.1, 0.1, 0.1)), key=lambda one: one.output)[
+        ::-1
+    ]
+    assert (az.output, az.structure) == ("az", "tf:1/1")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "rates", "band"),
+    [
+        (2.0, 10.0, {}, (2.0 / 1.3, 13.0)),  # 1.3 beyond what was excited, to either side
+        (0.01, 10.0, {}, (0.314, 13.0)),  # windows are a fifth of the record: 2 pi / 20 s
+        (2.0, 100.0, {}, (2.0 / 1.3, 31.4)),  # ten samples a period: of the record,
+        (2.0, 10.0, {"q": 10.0}, (2.0 / 1.3, 6.28)),  # of a channel as logged
+        (2.0, 10.0, {"lat": 12.0, "q": 20.0}, (2.0 / 1.3, 7.54)),
+        (5.0, 5.9, {}, None),  # less than an octave is not worth a line
+    ],
+)
+def test_an_answer_has_the_band_that_is_excited_and_sampled(low, high, rates, band):
+    found = [one for one in answered(low, high, rates) if one.output == "q"]
+    assert len(found) == (band is not None)
+    for one in found:
+        assert (one.low, one.high) == pytest.approx(band, abs=0.315)  # of lines that are so far off
+
+
+def test_a_record_of_too_few_samples_answers_nothing():
+    """A window of fewer than 32."""
+    assert len(answered(9.0, 40.0, count=160, noises=(1e-3,) * 3)) == 3
+    assert answered(9.0, 40.0, count=159, noises=(1e-3,) * 3) == ()
+
+
 def test_noise_is_no_excitation():
     """Of any bandwidth, a hundred times: a pilot's or a controller's motion; a rest is nothing."""
     kinds = set()
@@ -61,24 +154,7 @@ def test_noise_is_no_excitation():
     assert excitation("lat", T[:20], noise(1.0)[:20]) is None
 
 
-@pytest.mark.parametrize(
-    ("heading", "channel", "unit", "sign"),
-    [
-        ("p", "p", None, 1),
-        ("q [deg/s]", "q", "deg/s", 1),
-        ("LAT", "LAT", None, 1),
-        ("aileron_stick_pct", "LAT", "percent", 1),
-        ("swash_roll_pct", "lat", "percent", 1),
-        ("gyro_x_dps", "p", "deg/s", 1),
-        ("rollRate", "p", None, 1),
-        ("imu.angular_velocity.y", "q", None, 1),
-        ("acc_z [g]", "az", "g", 1),
-        ("climb_m_s", "w", "m/s", -1),
-        ("altitude_ft", "down", "ft", -1),
-        ("pitch_cmd", "lon", None, 1),
-        ("yaw", "psi", None, 1),
-    ],
-)
+@tabled("heading", "channel", "unit", "sign")
 def test_names_are_understood(heading, channel, unit, sign):
     meant = named(heading, "CSV")
     assert (meant.channel, meant.unit, meant.sign) == (channel, unit, sign)
@@ -87,3 +163,92 @@ def test_names_are_understood(heading, channel, unit, sign):
 def test_what_means_nothing_is_left_alone():
     for heading in ("roll_setpoint", "battery", "time_ms", "des_pitch", "gps"):
         assert named(heading, "CSV") is None
+
+
+def guessed(columns, log_format="CSV", given=(), units=()):
+    """Return what is guessed of columns, name -> (rate, values), each with a clock of its own."""
+    topics, (rates, values) = {name: name for name in columns}, zip(*columns.values())
+    stamps = {k: 1e6 * np.arange(np.size(v)) / r for k, r, v in zip(columns, rates, values)}
+    read = {name: np.asarray(value, float) for name, value in zip(columns, values)}
+    source = Topics(Path("a"), log_format, topics, read.get, stamps.get, 0.0, dict(units), ())
+    clocks = {name: SeenClock.of(name, 1e-6 * stamp) for name, stamp in stamps.items()}
+    return {one.name: one for one in guess(source, dict(given), clocks)}
+
+
+SWING = np.sin(np.arange(400) / 20.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit"),
+    [
+        ("p", 7.9 * SWING, "rad/s"),
+        ("p", 8.1 * SWING, "deg/s"),  # 460 deg/s are more than a helicopter's
+        ("p", np.where(np.arange(400) == 7, 100.0, SWING), "rad/s"),  # of 99 %
+        ("phi", 6.2 * SWING, "rad"),
+        ("phi", 6.4 * SWING, "deg"),  # a turn
+        ("theta", 1.59 * SWING, "rad"),
+        ("theta", 1.62 * SWING, "deg"),  # a quarter of a turn, and 2 %
+        ("az", SWING - 9.8, "m/s^2"),
+        ("az", 0.1 * SWING + 1.0, "g"),
+        ("az", SWING - 990.0, "mg"),
+        ("az", SWING - 32.0, "ft/s^2"),
+        ("down", 500.0 * SWING, "m"),
+        ("lat", 1.5 * SWING, "1"),
+        ("lat", 1.6 * SWING, "percent"),
+        ("lat", 104.0 * SWING, "percent"),
+        ("lat", 106.0 * SWING, "1"),
+        ("lat", 1500.0 + 780.0 * SWING, "us"),
+        ("lat", 1500.0 + 820.0 * SWING, "1"),
+        ("lat", 47.1 + 0.1 * SWING, None),  # a place on the earth
+        ("p", SWING[:2], "rad/s"),
+        ("p", SWING[:1], None),
+    ],
+)
+def test_a_unit_is_guessed_by_size(name, values, unit):
+    found = guessed({name: (50.0, values)})
+    assert (found[name].column.unit if name in found else None) == unit
+    if unit == "us":
+        assert found[name].column.trim == pytest.approx(np.median(values), abs=0.5)
+        assert found[name].column.range == 800.0
+    if unit == "1" and np.abs(values).max() > 1.5:  # it spans what it moves
+        assert found[name].column.range == pytest.approx(np.ptp(values), rel=5e-3)
+        assert found[name].column.trim == pytest.approx(np.median(values))
+
+
+def test_a_family_has_one_unit_and_what_is_stated_or_given_stays():
+    rates = {name: (50.0, size * SWING) for name, size in (("p", 3.0), ("q", 30.0), ("r", 0.1))}
+    rates |= {"ax": (50.0, 0.1 * SWING), "az": (50.0, 0.1 * SWING - 1.0)}
+    found = {name: one.column.unit for name, one in guessed(rates).items()}
+    assert found == {"p": "deg/s", "q": "deg/s", "r": "deg/s", "ax": "g", "az": "g"}
+    found = guessed(rates, units={"r": "rad/s"}, given={"p": Column("p", "rad/s")})
+    assert {name: found[name].column.unit for name in "pqr"} == {
+        "p": "rad/s", "q": "deg/s", "r": "rad/s"
+    }  # fmt: skip
+    assert (found["p"].why, found["r"].why) == ("given", "its name; unit stated")
+
+
+@pytest.mark.parametrize(
+    ("columns", "taken"),
+    [
+        ({"RATE.R": 100.0, "IMU.GyrX": 100.0}, "RATE.R"),
+        ({"IMU.GyrX": 100.0, "RATE.R": 100.0}, "RATE.R"),  # the better name, wherever it stands,
+        ({"IMU.GyrX": 100.0, "RATE.R": 70.0}, "RATE.R"),
+        ({"IMU.GyrX": 100.0, "RATE.R": 60.0}, "IMU.GyrX"),  # unless it is 1.5 times as slow
+        ({"RATE.R": 100.0, "IMU.GyrX": 145.0}, "RATE.R"),
+        ({"RATE.R": 100.0, "IMU.GyrX": 155.0}, "IMU.GyrX"),
+    ],
+)
+def test_of_columns_of_a_channel_the_better_or_the_faster_is_taken(columns, taken):
+    found = guessed({name: (rate, SWING) for name, rate in columns.items()}, "DataFlash")
+    assert found["p"].column.column == taken
+    assert found["p"].rate == pytest.approx(columns[taken])
+
+
+def test_clocks_and_channels_are_told_in_a_line():
+    even = SeenClock("time", 100.0, 500, 4.99, 0.0, "uniform", 0)
+    assert str(even) == "clock time: 100 Hz, 500 samples, 4.99 s, uniform"
+    uneven = SeenClock("t", 100.0, 500, 4.99, 0.0013, "irregular", 2)
+    assert str(uneven).endswith("4.99 s, jitter 1.3 ms rms, irregular, 2 gap(s)")
+    found = guessed({"climb_m_s": (50.0, 3.0 * SWING), "q": (50.0, 0.0 * SWING)})
+    assert str(found["w"]).startswith("w = -'climb_m_s' [m/s], 50 Hz, -3 to 3: named")
+    assert ", 0 to 0, constant: its name" in str(found["q"])

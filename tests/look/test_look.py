@@ -17,6 +17,7 @@ from helisim.logs import Clock, Column
 from helisim.logs.examples import examples
 from helisim.look import look
 from remedies import said
+from tabled import tabled
 
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
 """Of the roll that is flown: p/lat = 90 e^(-0.04 s) / (s + 6)."""
@@ -171,6 +172,7 @@ def test_a_table_of_anyone(tmp_path):
     units = {one.name: one.column.unit for one in log.channels}
     assert units == {"p": "deg/s", "phi": "deg", "lat": "percent"}
     assert log.unused == ("row",)
+    assert "not used: row\n" in str(log)
     assert "--repair gaps" in command(found)
     assert "gap" in {finding.kind for finding in log.findings}
     for frequency in (3.0, 10.0):
@@ -203,16 +205,7 @@ def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_
         look([])
 
 
-@pytest.mark.parametrize(
-    ("names", "structure"),
-    [
-        (["sweep_lat", "sweep_lon"], "rollpitch_speeds"),
-        (["sweep_col"], "heave"),
-        (["sweep_ped"], "yaw_base"),
-        (["sweep_lat"], "tf:0/2"),
-        (["logger"], "tf:0/2"),
-    ],
-)
+@tabled("names", "structure")
 def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):
     paths = [str(examples()[name].path) for name in names]
     assert main(["look", *paths, "--json", str(tmp_path / "look.json")]) == 0
@@ -260,6 +253,8 @@ def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
     """Of a doubtful sign, rate's or bank's, one can't know which: the command can't mend it."""
     found = look(named(tmp_path / "a.csv", "ail_cmd", "roll_rate"))
     assert [one.channel for one in found.logs[0].excitations] == ["lat"]
+    assert not any("resample" in one.name for one in found.logs[0].options)  # of one even clock
+    assert "not used" not in str(found)
     assert main(["look", str(named(tmp_path / "b.csv", "foo", "roll_rate"))]) == 1
     assert "--channel lat=COLUMN:percent" in " ".join(capsys.readouterr().out.split())
     found = look(named(tmp_path / "a.csv", "ail_cmd", "p_rad_s", scale=1.0 / RAD_PER_DEG))

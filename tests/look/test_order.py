@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.ident.rational import order as found_order
+from tabled import tabled
 
 OMEGA = np.geomspace(1.0, 25.0, 60)
 S = 1j * OMEGA
@@ -50,15 +51,7 @@ def test_no_fast_unstable_pole_stands_for_a_lag():
     assert named(omega, lagging) == "tf:0/2"
 
 
-@pytest.mark.parametrize(
-    ("poles", "order"),
-    [
-        ([-0.305, -6.0], "tf:0/2"),
-        ([-0.295, -6.0], "tf:0/1"),
-        (49.75 * np.exp([1.62j, -1.62j]), "tf:0/2"),
-        (50.25 * np.exp([1.62j, -1.62j]), "tf:0/1"),
-    ],
-)
+@tabled("poles", "order")
 def test_poles_are_near_the_band(poles, order):
     """From 0.3 of its lower edge, 1 rad/s, to twice its upper one, 25 rad/s."""
     assert named(OMEGA, 100.0 / np.polyval(np.real(np.poly(poles)), S)) == order

@@ -12,10 +12,11 @@ from helisim.cli import main
 from helisim.ident import frequency_response
 from helisim.records.storage import read_record
 from helisim.sim import FlightEnvelope, FlightPlan, Sweep, fly, simulate
-from helisim.sim.ground import outline
-from helisim.sim.limits import hover_induced_velocity
+from helisim.sim.ground import Ground, outline
+from helisim.sim.limits import Contact, hover_induced_velocity
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
+from tabled import tabled
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 WILD = Sweep(axis="lat", amplitude=0.5, duration=20.0)
@@ -32,6 +33,26 @@ def wild(jr700):
     with pytest.raises(DivergedError) as caught:
         fly(jr700, WILD, jobs=1)
     return caught.value
+
+
+def test_a_rotors_rim_is_sixteen_points_round_its_disc(jr700):
+    shape = outline(jr700)
+    for (_, rim), (centre, axis, radius) in zip(shape.rims(), shape.discs, strict=True):
+        off = rim - centre
+        assert off.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+        assert off @ axis == pytest.approx(np.zeros(16), abs=1e-12)
+        assert off @ off[0] == pytest.approx(radius**2 * np.cos(np.arange(16) * np.pi / 8.0))
+
+
+@pytest.mark.parametrize(("sinking", "hard"), [(2.4, False), (2.6, True)])
+def test_a_landing_is_hard_by_the_last_step_before_it_touches(jr700, sinking, hard):
+    """Gear stands 2.5 m/s (14 CFR 27.725); nothing is said of a fall, or of what stands already."""
+    contact, level = Contact(jr700, Ground()), np.eye(3)
+    at = {k: (0.01 * k, np.array([0.0, 0.0, -9.0 + 0.01 * sinking * k]), level) for k in range(5)}
+    assert [contact.found(*at[k], False) for k in range(3)] == [""] * 3
+    said = f"the helicopter hit the ground at {sinking:g} m/s"
+    assert contact.found(*at[3], True) == (said if hard else "")
+    assert contact.found(*at[4], True) == ""
 
 
 def changed(truth, row, **columns):
@@ -52,19 +73,7 @@ def test_a_watched_flight_is_the_same_to_the_bit(jr700):
     assert not watched.ended
 
 
-@pytest.mark.parametrize(
-    ("columns", "says"),
-    [
-        ({"attitudes": (0, 1.3)}, "rolled or pitched beyond 1.2 rad"),
-        ({"attitudes": (1, -1.3)}, "rolled or pitched beyond 1.2 rad"),
-        ({"rates": (2, 21.0)}, "turned faster than 20 rad/s"),
-        ({"positions": (2, 19.9)}, "touched the ground"),
-        ({"flapping": (1, 0.36)}, "flapped beyond 0.35 rad"),
-        ({"velocities": (0, 42.0)}, "advance ratio of 0.3"),
-        ({"air": (1, 42.0)}, "advance ratio of 0.3"),
-        ({"velocities": (2, 8.5)}, "2 times the hover's induced"),
-    ],
-)
+@tabled("columns", "says")
 def test_each_limit_ends_the_flight_where_it_is_exceeded(jr700, healthy, columns, says):
     row, why = FlightEnvelope().end(jr700, changed(healthy, 1234, **columns))
     assert row == 1234

@@ -16,6 +16,7 @@ from helisim.sim.flight import simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.missions import TakeOffHoverLand
 from helisim.vehicle.trim import addresses
+from tabled import tabled
 
 SWAYING = Deck(
     heave=Swing(amplitude=0.3, period=6.0, phase=0.4),
@@ -184,15 +185,7 @@ def test_it_takes_off_by_itself_and_a_landing_is_no_end(jr700):
     assert "touched the ground" in flown(jr700, replace(down, ground=None)).end.why
 
 
-@pytest.mark.parametrize(
-    ("plan", "why"),
-    [
-        (pushed("col", -0.4, Ground()), r"the helicopter hit the ground at 4\.\d m/s"),
-        (pushed("lat", 0.5, Ground(parked=True), height=0.2), "struck the ground"),
-        (pushed("lat", 0.3, Ground(), height=0.7), "struck the ground with its main rotor"),
-        (pushed("lon", -0.2, Ground(deck=Deck(length=3, width=3))), "came down beside the deck"),
-    ],
-)
+@tabled("plan", "why")
 def test_ends_and_their_reasons(jr700, plan, why):
     end = flown(jr700, plan).end
     assert end is not None

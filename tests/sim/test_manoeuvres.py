@@ -157,3 +157,16 @@ def test_sweep_is_written_as_asked(par):
     assert par[PARAM.excitation_start] == 3.0
     assert par[PARAM.excitation_duration] == 54.0
     assert (par[PARAM.sweep_w_min], par[PARAM.sweep_w_max]) == (1.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("period", "trim", "periods"), [(4.0, 5.0, 4), (8.0, 5.0, 2), (10.0, 2.0, 2), (11.0, 2.0, 2)]
+)
+def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, trim, periods):
+    usual = {"axis": "lat", "amplitude": 0.03, "band": (0.1, 20.0), "duration": 26.0}
+    wave = Multisine(**usual, period=period, trim_time=trim)
+    assert wave.periods == periods
+    time = np.arange(2600) / 100.0
+    moved = np.flatnonzero(np.any(wave.sticks(time) != 0.0, axis=1)) / 100.0
+    assert moved[[0, -1]] == pytest.approx([trim, trim + periods * period], abs=0.03)
+    assert min(wave.harmonics["lat"]) == 1  # a mean is no oscillation

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +18,7 @@ from helisim.sim.missions import Autopilot, Mission
 from helisim.sim.missions.autopilot import Sight
 from helisim.sim.missions.mission import Reached
 from helisim.vehicle.trim import rotation_matrix
+from tabled import tabled
 
 CALM = hs.Pilot(remnant=0.0)
 
@@ -73,6 +75,22 @@ def flown(vehicle, mission, **settings):
     plan = hs.FlightPlan(mission=mission, **{"pilot": CALM, **settings})
     (trajectory,) = simulate(vehicle, plan, seed=1, jobs=1)
     return Reached.of(vehicle, trajectory), trajectory
+
+
+@pytest.mark.parametrize(("angle", "rate"), [(2.0, 1.0), (-3.0, 0.5)])
+def test_a_turn_has_its_rate_and_twice_that_a_second(angle, rate):
+    """From rest to rest: the angle, its rate, and at most 2 rate / s, which half sines reach.
+
+    A half sine of acceleration reaches the rate in pi / 4 s, in which half of it is turned.
+    """
+    pilot = Autopilot.__new__(Autopilot)
+    pilot.seconds, pilot.wanted = 0.002, SimpleNamespace(heading=0.3, turning=0.0)
+    seen = [(pilot.wanted.heading, pilot.wanted.turning) for _ in pilot.turn(angle, rate=rate)]
+    heading, turning = np.array(seen).T
+    assert (heading[-1], turning[-1]) == pytest.approx((0.3 + angle, 0.0))
+    assert np.abs(turning).max() == pytest.approx(rate)
+    assert np.abs(np.diff(turning)).max() / 0.002 == pytest.approx(2.0 * rate, rel=1e-4)
+    assert len(seen) == math.ceil((abs(angle) / rate + 0.25 * math.pi) / 0.002)
 
 
 def test_a_script_that_wants_no_number_or_raises_ends_its_flight(jr700):
@@ -152,15 +170,7 @@ def test_a_manoeuvre_is_flown_on_top_of_a_mission(jr700):
     assert hs.FlightPlan(mission=mission, excitation=doublet).name == "forward_lat"
 
 
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: hs.FlightPlan(mission=Wishless()), "Wishless doesn't say what it flies"),
-        (lambda: hs.FlightPlan(mission=Triangle(duration=0.1)), "at least 1 s, got 0.1"),
-        (lambda: hs.FlightPlan(mission=Triangle(side=math.nan)), "side must be a finite number"),
-        (lambda: hs.FlightPlan(mission=Backwards()), "0 m/s or more, got None and -3"),
-    ],
-)
+@tabled("make", "says")
 def test_a_mission_that_can_not_be_is_refused(make, says):
     with pytest.raises(InputError, match=says):
         make()

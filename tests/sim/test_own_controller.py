@@ -13,6 +13,7 @@ from helisim.physics.gyro import gyro_law
 from helisim.physics.layout import PARAM, STATE
 from helisim.vehicle import Controller
 from helisim.vehicle.trim import addresses
+from tabled import tabled
 
 SHORT = hs.Sweep(axis="ped", duration=12.0, trim_time=1.0)
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
@@ -253,17 +254,7 @@ def test_a_law_that_returns_something_else_ends_before_the_flight(jr700, law, sa
         hs.fly(jr700, FAST, controller=law, keep_ended=True, jobs=1)
 
 
-@pytest.mark.parametrize(
-    ("law", "says"),
-    [
-        (3, "has functions of"),
-        ("fast", "has functions of"),
-        (lambda: (0, 0, 0, 0), r"must take \(seen\), "),
-        (own_laws.Counter, "has functions of"),
-        (numba.njit(lambda seen: (1.0, 2.0)), "can't compile .*expected 4, got 2"),
-        (numba.njit(lambda seen: seen.height), "can't compile .* 'height'"),
-    ],
-)
+@tabled("law", "says")
 def test_what_is_no_law_is_refused(jr700, law, says):
     with pytest.raises(InputError, match=says) as caught:
         hs.fly(jr700, FAST, controller=law)

@@ -13,6 +13,7 @@ from helisim.sim import Doublet, Excitation, FlightPlan, fly
 from helisim.sim.excitation import EXCITATIONS, step_times
 from helisim.sim.manoeuvres import ThreeTwoOneOne
 from helisim.vehicle import load
+from tabled import tabled
 
 DOUBLET = {"axis": "lat", "duration": 4.0, "amplitude": 0.05, "width": 0.7, "trim_time": 1.0}
 
@@ -89,20 +90,7 @@ def test_the_times_are_mujocos_own(jr700, timestep):
     assert np.array_equal(step_times(60.0, timestep), seen)
 
 
-@pytest.mark.parametrize(
-    ("what", "message"),
-    [
-        (lambda t: np.zeros(t.size), r"shape \(1001, 4\), one row a time.*got shape \(1001,\)"),
-        (lambda t: np.zeros((t.size - 1, 4)), r"got shape \(1000, 4\)"),
-        (lambda t: np.zeros((4, t.size)), r"got shape \(4, 1001\)"),
-        (lambda t: None, r"numbers .*got shape \(\) of object"),
-        (lambda t: np.full((t.size, 4), "x"), "numbers .* of <U1"),
-        (lambda t: np.zeros((t.size, 4), dtype=complex), "numbers .* of complex128"),
-        (lambda t: np.where(t[:, None] < 1.0, 0.0, np.nan) * np.ones(4), "COL is nan at 1 s"),
-        (lambda t: 0.6 * (t[:, None] >= 1.5) * [0, 0, 0, 1], "PED is 0.6 at 1.5 s"),
-        (lambda t: np.full((t.size, 4), -np.inf), "COL is -inf at 0 s"),
-    ],
-)
+@tabled("what", "message")
 def test_sticks_that_cannot_be_flown_are_one_clear_error(jr700, given, what, message):
     with pytest.raises(InputError, match=rf"Given\.sticks .*{message}"):
         fly(jr700, given(what), jobs=1)

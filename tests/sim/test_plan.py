@@ -32,6 +32,7 @@ from helisim.records.storage import read_record
 from helisim.sim import faults, fly, multisine, read_plan, write_plan
 from helisim.sim.missions import autopilot
 from helisim.vehicle import load
+from tabled import tabled
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 FULL = FlightPlan(
@@ -90,23 +91,7 @@ def test_a_recorder_keeps_the_vehicles_latencies_and_equal_numbers_make_equal_pl
     assert (one, hash(one)) == (two, hash(two))
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("", "needs an excitation"),
-        ("excitation = 'lat'", "excitation must be a table with a kind, one of "),
-        ("[excitation]\nkind = 'Wobble'\naxis = 'lat'", "plan.excitation 'Wobble'; available: "),
-        ("[excitation]\nkind = 'Sweep'", "plan.excitation needs axis"),
-        ("[excitation]\nkind = 'Sweep'\naxis = 'lat'\nwidth = 1", "'width'; available: axis, "),
-        ("@wind = 3", "'wind'; available: excitation, mission, pilot, recorder"),
-        ("@weather = 'light'", "weather must be a table"),
-        ("@weather = {gust = {up = 1}}", "'up'; available: north, east, down"),
-        ("@recorder = {noise = 0.1}", "noise must be a table of numbers"),
-        ("@faults = 'x'", "faults must be a list"),
-        ("@faults = [{kind = 'ServoLost'}]", "'ServoLost'; available: ServoStuck"),
-        ("@faults = [{kind = 'ServoStuck'}]", "plan.faults[0] needs servo and at"),
-    ],
-)
+@tabled("text", "says")
 def test_a_plan_that_can_not_be_is_refused(tmp_path, text, says):
     path = tmp_path / "plan.toml"
     text = text.replace("@", "excitation = {kind = 'Sweep', axis = 'lat'}\n", 1)

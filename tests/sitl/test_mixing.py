@@ -7,6 +7,7 @@ import helisim as hs
 from helisim.base.errors import InputError
 from helisim.sitl.mixing import Mixer, Outputs, command_scale
 from plates import H3_120
+from tabled import tabled
 
 ANYWHERE = {"H_SW_TYPE": 0.0, "H_COL_MIN": 1167.0, "H_COL_MAX": 1833.0}
 ANYWHERE |= {"H_SW_H3_SV1_POS": 0.0, "H_SW_H3_SV2_POS": -120.0, "H_SW_H3_SV3_POS": 120.0}
@@ -17,17 +18,7 @@ EQUAL = {"H_SW_TYPE": 3.0, "H_COL_MIN": 1460.0, "H_COL_MAX": 1740.0}
 # What ArduCopter-heli 4.7.0-dev logged: RATE's ROut, POut and AOut at one time and YOut a tick
 # before, as the tail's pulse is sent a tick late, and RCOU's C1 to C4. The first three flew the
 # JR700, the last three its own simulated helicopter.
-@pytest.mark.parametrize(
-    ("parameters", "lat", "lon", "ped", "col", "pulses"),
-    [
-        (ANYWHERE, 0.0703362, 0.0186719, -0.1196388, 0.4723686, (1489, 1504, 1449, 1441)),
-        (ANYWHERE, 0.0008119, 0.0024067, -0.0039437, 0.489185, (1493, 1492, 1491, 1499)),
-        (ANYWHERE, 0.0034692, -0.0068926, 0.0940672, 0.5231936, (1512, 1518, 1515, 1547)),
-        (EQUAL, -0.0016445, -0.0042284, -0.001775, 0.0, (1458, 1459, 1461, 1500)),
-        (EQUAL, 0.0008995, 0.0007025, 0.1966394, 0.494, (1598, 1598, 1598, 1578)),
-        (EQUAL, 0.0038776, -0.0002389, 0.3582196, 0.5422264, (1613, 1610, 1611, 1643)),
-    ],
-)
+@tabled("parameters", "lat", "lon", "ped", "col", "pulses")
 def test_a_real_log_s_pulses_are_repeated(parameters, lat, lon, ped, col, pulses):
     exact = Mixer(parameters).exact({"lat": lat, "lon": lon, "ped": ped, "col": col})
     assert [int(exact[channel]) for channel in (1, 2, 3)] == list(pulses[:3])

@@ -13,6 +13,7 @@ from helisim.sitl.systemid import Sweep, fly_sweep, fly_sweeps
 pytest.importorskip("pymavlink", reason="a ground station speaks by pymavlink")
 
 from played_copter import GUIDED, LAND, STABILIZE, STEP, SYSTEMID, PlayedCopter
+from tabled import tabled
 
 ARM, TAKE_OFF = 400, 22
 """MAVLink's common.xml: MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_NAV_TAKEOFF."""
@@ -110,16 +111,7 @@ def test_modes_are_those_of_pymavlinks_own_list():
     assert {mode_mapping_acm[number].lower(): number for number in MODES.values()} == MODES
 
 
-@pytest.mark.parametrize(
-    ("steps", "seconds", "says"),
-    [
-        (lambda p: p.mode("guided"), 3.0, "flight mode guided: not so within 3 s, at 4.* said: no"),
-        (lambda p: p.command("MAV_CMD_NAV_TAKEOFF", 1.0), 0.1, "NAV_TAKEOFF is refused.* 4: bad"),
-        (lambda p: p.set(NO=1.0), 3.0, "parameter NO is set: not so within 3 s.* said: nothing"),
-        (lambda p: p.read("NONE"), 3.0, "the value of parameter NONE: not so within 3 s"),
-        (lambda p: p.until(lambda: False, "never", 2.0), 2.0, "never: not so within 2 s"),
-    ],
-)
+@tabled("steps", "seconds", "says")
 def test_what_does_not_come_is_told_in_time(copter, steps, seconds, says):
     """What it said before doesn't count; of what it said since, the last three."""
     pilot = piloted(copter)

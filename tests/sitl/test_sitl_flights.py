@@ -48,6 +48,7 @@ FLIES = """
 written = open("logs/00000002.BIN", "wb", buffering=0)
 whole, told = {log!r}, open({told!r}, "w", buffering=1)
 send(b"here I am", telemetry)
+open({told!r} + ".parm", "w").write(open("start.parm").read())
 for count in range(10_000):
     if count in (0, 300, 600):
         third = len(whole) // 3 + 1
@@ -139,6 +140,11 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
     assert flight.served.frames == len(seen)
     heard = np.array(told.read_text().split(), float)
     assert np.diff(heard)[1:] == pytest.approx(10.0)
+    given = parm_file(tmp_path / "told.parm")  # the sticks' pulses mean what the pilot sends
+    ends = {"MIN": 1000, "MAX": 2000, "TRIM": 1500, "DZ": 0, "REVERSED": 0}
+    assert (
+        given.items() >= {f"RC{k}_{n}": one for k in range(1, 9) for n, one in ends.items()}.items()
+    )
     with pytest.raises(AutopilotError, match=r"ended from outside at 0\.0 s"):
         fly_script(script, Still(), fake(tmp_path, rest), "", on_frame=lambda *_: True)
     struck = Still()
@@ -152,6 +158,10 @@ def test_sweeps_have_ardupilots_numbers_and_own_scripts_are_generators_called_fl
     made = sweeps(["lat", "pitch", "ped", "heave", "thrust"], magnitude=0.1)
     assert [one.parameters["SID_AXIS"] for one in made] == [10, 11, 12, 13, 13]
     assert {one.magnitude for one in made} == {0.1}
+    for slowest, lasts in ((0.2, 10.0), (1.0, 7.0)):  # two periods, and both fades
+        with pytest.raises(InputError, match=f"here {lasts:g} s"):
+            sweeps(["lat"], start_hz=slowest, seconds=lasts)
+        sweeps(["lat"], start_hz=slowest, seconds=lasts + 0.1)
     own = tmp_path / "own.py"
     own.write_text("def fly(pilot):\n    yield from pilot.wait(1.0)\n")
     assert script_of(str(own)).__name__ == "fly"

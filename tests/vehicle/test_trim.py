@@ -1,6 +1,7 @@
 """Level flight from hover to 20 m/s: the power bucket, the stick, and a linearisation at each."""
 
 import math
+from dataclasses import astuple
 
 import mujoco
 import numpy as np
@@ -9,9 +10,26 @@ import pytest
 from helisim.base.errors import InputError, TrimError
 from helisim.physics.native import installed
 from helisim.vehicle import find_trim
+from helisim.vehicle.trim import Motion, motion_rates, read_motion, write_motion
 from quasi_steady import drag_torque
 
 SPEEDS = np.arange(0.0, 21.0, 2.0)
+
+
+def test_rates_of_a_motion_are_what_a_free_body_does_next():
+    """Each field's difference over a microsecond, of a body that falls, drifts and tumbles."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="0.1 0.2 0.3" type="box"/></body>'
+        '</worldbody><option timestep="1e-6" gravity="0 0 -9.8"/></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    write_motion(model, data, Motion(5.0, -3.0, 2.0, 1.0, -0.7, 1.5, 0.4, -0.3, 2.0, down=-9.0))
+    mujoco.mj_forward(model, data)
+    now = read_motion(data)
+    found = motion_rates(data, now)
+    mujoco.mj_step(model, data)
+    moved = (np.array(astuple(read_motion(data))) - astuple(now)) / 1e-6
+    assert found == pytest.approx(moved, abs=2e-4)  # a second derivative is below 100
 
 
 @pytest.fixture(scope="module")
