@@ -13,19 +13,10 @@ from helisim.base.linear import LinearSystem
 from helisim.base.note import Note, Option, options
 from helisim.base.text import shown
 from helisim.cli.options import worded
+from tabled import tabled
 
 
-@pytest.mark.parametrize(
-    ("given", "found"),
-    [
-        ("", ()),
-        ("windows", (Option("windows"),)),
-        ("windows, min_duration", (Option("windows"), Option("min_duration"))),
-        ("repair=gaps", (Option("repair", "gaps"),)),
-        (Option("from_time", "3"), (Option("from_time", "3"),)),
-        (("a=1", Option("b")), (Option("a", "1"), Option("b"))),
-    ],
-)
+@tabled("given", "found")
 def test_a_remedy_is_given_in_short(given, found):
     assert options(given) == found
     assert Note.of("gaps", "there are gaps", given).remedy == found
@@ -76,15 +67,7 @@ def test_of_a_long_list_only_those_alike_are():
     assert error.unlisted == MANY
 
 
-@pytest.mark.parametrize(
-    ("name", "meant"),
-    [
-        ("LAT", ["lat"]),
-        ("stiffness", ["main.stiffness"]),
-        ("", []),
-        ("main.radios", ["main.radius"]),
-    ],
-)
+@tabled("name", "meant")
 def test_case_parts_and_slips_are_seen(name, meant):
     assert similar(name, ("lat", "main.stiffness", "main.radius", "tail.speed")) == meant
 

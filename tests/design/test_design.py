@@ -26,6 +26,7 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import DisturbanceRejection, Limit, PoleLimits, StabilityMargins
 from helisim.handling.loop import GRID, Curve
 from helisim.handling.spec import Spec
+from tabled import tabled
 
 PLANT = SmallPlant()
 FREE = free_parameters(SmallLaw().parameters(), {})
@@ -204,25 +205,7 @@ def test_a_design_is_the_same_again_and_judged_by_models_drawn_anew():
 TICKED, POLES = PLANT.sampled, (Spec(PoleLimits()),)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"only": ("lat.k_rte",)}, "did you mean lat.k_rate"),
-        ({"bounds": {"lat.k_rate": (2.0, 1.0)}}, "can't be moved from 2 to 1"),
-        ({"specs": ()}, "a design needs a specification"),
-        ({"margin": -1.0}, "the design margin"),
-        ({"models": -1}, "models must be 0 or more"),
-        ({"period": 0.0}, "the law's period"),
-        (
-            {"plant": replace(TICKED, inputs=("col", "ped")), "specs": POLES},
-            "commands lat, lon, and",
-        ),
-        (
-            {"plant": replace(TICKED, outputs=("p", "q", "phi", "r")), "specs": POLES},
-            "senses theta",
-        ),
-    ],
-)
+@tabled("options", "words")
 def test_bad_input_is_one_line(options, words):
     with pytest.raises(InputError, match=words) as caught:
         designed(**options)

@@ -33,6 +33,7 @@ from helisim.records.record import IN1, IN2
 from helisim.records.storage import read_record
 from helisim.sim import FlightPlan, Pilot, Pulse, Recorder, Weather
 from small_laws import HOLDS
+from tabled import tabled
 
 TRUE = Recorder(noise={}, resolution={}, latency={})
 
@@ -207,17 +208,7 @@ def rated(level):
     return None if level is None else SimpleNamespace(level=level)
 
 
-@pytest.mark.parametrize(
-    ("kind", "flown", "exact", "said"),
-    [
-        ("hard", 1, 2, None),
-        ("hard", None, 2, "Level 2 exactly"),
-        ("soft", 3, 1, "Level 3 in flight"),
-        ("soft", None, None, "known neither exactly nor from flight"),
-        ("objective", 2, 2, None),
-        ("check", 3, 3, None),
-    ],
-)
+@tabled("kind", "flown", "exact", "said")
 def test_hard_and_soft_specifications_are_held_against_flight_first(kind, flown, exact, said):
     spec = hs.Spec(hs.criteria.StabilityMargins(axis="lat"), kind)
     row = SimpleNamespace(spec=spec, flown=rated(flown), exact=rated(exact))

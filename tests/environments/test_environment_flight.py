@@ -18,6 +18,7 @@ from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.controller import set_controller
 from helisim.vehicle.trim import Motion, addresses, place, write_motion
+from tabled import tabled
 
 CALM = {"motion": {}}
 """Options of a start in the trim itself."""
@@ -133,16 +134,7 @@ def test_a_command_is_tracked_and_changes():
     assert np.all(np.abs(commands) <= [3.0, 3.0, 0.5, math.pi])
 
 
-@pytest.mark.parametrize(
-    ("motion", "limit"),
-    [
-        ({"phi": 1.3}, "tilt"),
-        ({"q": 40.0}, "rate"),
-        ({"down": 4.9}, "clearance"),
-        ({"u": 50.0}, "advance"),
-        ({"north": 10.5}, "distance"),
-    ],
-)
+@tabled("motion", "limit")
 def test_an_episode_ends_at_each_limit(motion, limit):
     env = single(weather=Weather(height=5.0))
     env.reset(seed=0, options={"motion": motion})

@@ -12,6 +12,7 @@ import helisim.gym
 from command import python
 from helisim.base.errors import DisplayError, InputError, UnknownNameError
 from off_screen import draws
+from tabled import tabled
 
 WINDY = helisim.gym.WeatherRange(wind=4.0, turbulence=6.0, gust=3.0)
 ROUGH = {"spread": helisim.gym.USUAL, "weather": WINDY}
@@ -144,25 +145,7 @@ def test_an_ended_episode_starts_anew_also_when_out_of_time():
     assert [k for k, one in enumerate(late) if one == [True, True]] == [6, 14]
 
 
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"vehicle": "jr7000"}, "unknown vehicle 'jr7000'; .*did you mean jr700"),
-        ({"action": "stick"}, "unknown environment.action 'stick'; available: sticks, servos"),
-        ({"frame_skip": 0}, "frame_skip must be an integer 1 or more, got 0"),
-        ({"authority": 0.0}, "authority must be a number above 0 and at most 1, got 0.0"),
-        ({"task": "land"}, "unknown task 'land'; available: hover, track"),
-        ({"weather": "windy"}, "weather must be .*Weather, WeatherRange, got 'windy'"),
-        ({"spread": {"airframe.mas": 0.1}}, "unknown parameter 'airframe.mas'.*airframe.mass"),
-        ({"spread": {"air.density": 1.0}}, "relative, from 0 to below 1, got 1.0"),
-        ({"spread": {"air.ground_effect": 0.1}}, "can't be spread: it is 0"),
-        ({"spread": {"gyro.period": 0.1}}, "can't be spread"),
-        ({"spread": {"pilot.k_heave": 0.1}}, "can't be spread"),
-        ({"spread": {"gyro.flight_mode": 0.1}}, "can't be spread"),
-        ({"render_mode": "ansi"}, "unknown environment.render_mode 'ansi'"),
-        ({"threads": 0}, "threads must be an integer 1 or more"),
-    ],
-)
+@tabled("settings", "says")
 def test_a_wrong_setting_is_one_clear_line(settings, says):
     with pytest.raises(InputError, match=says) as caught:
         helisim.gym.HelicopterEnv(**settings)
@@ -192,22 +175,7 @@ def test_a_wrong_action_or_option_is_one_clear_line():
         helisim.gym.HelicopterVectorEnv(0)
 
 
-@pytest.mark.parametrize(
-    ("code", "printed"),
-    [
-        pytest.param(
-            "env = gymnasium.make('helisim/Hover-v0')\n"
-            "print(env.reset(seed=1)[0].shape, env.spec.max_episode_steps)\n",
-            "(17,) 500\n",
-            marks=pytest.mark.slow,
-        ),
-        (
-            "gymnasium.register_envs(helisim)\n"
-            "print(*sorted({'mujoco', 'scipy', 'helisim.gym'} & (set(sys.modules) - before)))\n",
-            "\n",
-        ),
-    ],
-)
+@tabled("code", "printed")
 def test_an_import_registers_and_loads_nothing(code, printed):
     """In a fresh process, behind gymnasium's; neither needs the other."""
     code = f"import sys, gymnasium\nbefore = set(sys.modules)\nimport helisim\n{code}"

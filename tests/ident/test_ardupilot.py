@@ -12,6 +12,7 @@ from helisim.ident.ardupilot import ArduPilotModel, numbers_of
 from helisim.ident.evaluate import delayed, linear
 from helisim.study.paper import published
 from ident_data import HEAVE, fitted
+from tabled import tabled
 
 AS_IT_IS = dict.fromkeys(("col", "lon", "lat", "ped"), 1.0)
 SETTINGS = {"nominal_rpm": 2100.0, "coll_min": -2.0, "coll_max": 12.0, "coll_hover": 5.0}
@@ -156,16 +157,7 @@ def test_flap_back_becomes_derivatives_by_the_velocities():
 ORDER = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
 
 
-@pytest.mark.parametrize(
-    ("parts", "message"),
-    [
-        ([(structures.yaw_gyro, structures.yaw_gyro.starts)], "begins at 'PED'"),
-        ([(structures.rollpitch_inflow, structures.rollpitch_inflow.starts)], "no state for"),
-        ([(structures.yaw_sway, structures.yaw_sway.starts)], "ArduPilot, which has no .*dv/dt"),
-        ([], "no model begins at a servo command"),
-        ([(ORDER, ORDER.starts)], "p_over_lat has none of the states of ArduPilot's model: u, v"),
-    ],
-)
+@tabled("parts", "message")
 def test_model_that_has_no_place_says_which_number(parts, message):
     """Nothing is lost without a word."""
     with pytest.raises(InputError, match=message):

@@ -18,6 +18,7 @@ from helisim.ident import (
 )
 from helisim.ident.fitted import SUPPORT
 from ident_data import data
+from tabled import tabled
 
 WIDE = np.geomspace(0.1, 10.0, 80)
 GAIN = ((2.0,), (1.0,))
@@ -35,15 +36,7 @@ def order(zeros, poles):
     return structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
 
 
-@pytest.mark.parametrize(
-    ("plant", "noise", "fitted", "advised"),
-    [
-        (GAIN, 0.01, (0, 1), "tf:0/0"),
-        (LAG, 0.0, (0, 2), "tf:0/1"),
-        (LAG, 0.01, (1, 2), "tf:0/1"),
-        (MODE, 0.01, (1, 2), "tf:0/2"),
-    ],
-)
+@tabled("plant", "noise", "fitted", "advised")
 def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised):
     """A pole far away, on a zero, a coefficient not seen: the true order is advised."""
     fit = identify(measured(*plant, noise), order(*fitted))

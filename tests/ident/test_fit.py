@@ -8,7 +8,7 @@ import numpy as np
 import plants
 import pytest
 
-from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.ident import Parameter, Structure, identify, structures
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost, select
@@ -19,6 +19,8 @@ from script import SCRIPTS
 
 sys.path.insert(0, str(SCRIPTS / "proof"))
 from delay_study import study
+
+from tabled import tabled
 
 
 def gain(*, inputs=("lat",), cell="K", names=("K",)):
@@ -204,23 +206,7 @@ def test_a_delay_of_many_turns_is_unwrapped():
     assert fit.values == pytest.approx(values, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("structure", "options", "error", "message"),
-    [
-        (YAW_BASE, {"responses": ["r/lat"]}, UnknownNameError, "available: r/ped"),
-        (structures.heave, {}, UnknownNameError, "available: r"),
-        (YAW_BASE, {"band": (100.0, 200.0)}, IdentificationError, "widen the band"),
-        (YAW_BASE, {"band": (math.nan, 3.0)}, InputError, "finite number, got nan"),
-        (YAW_BASE, {"band": (2.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
-        (YAW_BASE, {"band": (-1.0, 2.0)}, InputError, "expected 0 <= lower < upper"),
-        (YAW_BASE, {"band": 5.0}, InputError, "must be a list of 2 numbers, got 5.0"),
-        (YAW_BASE, {"band": {"q/ped": (1.0, 2.0)}}, UnknownNameError, "with a band"),
-        (YAW_BASE, {"frequencies_per_response": 4}, InputError, "an integer 5 or more, got 4"),
-        (YAW_BASE, {"searches": 0}, InputError, "searches must be an integer 1 or more"),
-        (YAW_BASE, {"seed": -1}, InputError, "seed must be an integer 0 or more"),
-        (YAW_BASE, {"weighting": "cifer"}, InputError, "weighting 'cifer'.*error, coherence"),
-    ],
-)
+@tabled("structure", "options", "error", "message")
 def test_bad_calls_are_refused_with_advice(structure, options, error, message):
     """Unknown responses, empty bands and bad numbers end in helisim's own errors."""
     with pytest.raises(error, match=message):

@@ -47,6 +47,7 @@ from helisim.ident.transfer import transfer_function
 from helisim.ident.windows import Windows, compose, condition, cross_spectra
 from helisim.records.record import Channel, FlightRecord
 from ident_data import of_model, record
+from tabled import tabled
 
 
 def numbers(random, *shape):
@@ -446,18 +447,7 @@ def misfits(ratio, percent):
     return Misfit(none | {"p/lat": 0.2 * np.log(10.0) ** -1 * percent}, none, ratio)
 
 
-@pytest.mark.parametrize(
-    ("poles", "left", "kind"),
-    [
-        ([-30.0, 3.9, 3.0 + 2.4j], None, None),
-        ([4.1, 3.0], None, "unstable"),
-        ([3.0 + 2.7j], misfits(99.0, 99.0), "unstable"),
-        ([], misfits(10.0, 5.01), "residual"),
-        ([], misfits(9.9, 99.0), None),
-        ([], misfits(99.0, 4.99), None),
-        ([], misfits(None, 99.0), None),
-    ],
-)
+@tabled("poles", "left", "kind")
 def test_a_fit_is_doubted_for_a_fast_unstable_pole_or_much_misfit(poles, left, kind):
     """From 0.4 of the band's top, 10 rad/s; from ten times the noise's power and 5 %."""
     note = doubt((1.0, 10.0), [complex(pole) for pole in poles], left)

@@ -12,6 +12,7 @@ import pytest
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import Fit, Parameter, identify, load_fit, structures
 from ident_data import HEAVE, ROLLPITCH, YAW, fitted, of_model
+from tabled import tabled
 
 FREQUENCY = np.geomspace(1.0, 40.0, 90)
 
@@ -93,21 +94,7 @@ def test_a_damaged_fit_is_refused(fit, key, tmp_path):
             Fit.from_dict({**plain, key: wrong})
 
 
-@pytest.mark.parametrize(
-    ("path", "wrong", "message"),
-    [
-        (["parameters", 0, "value"], "much", r"'tau_f'.value must be a number, got 'much'"),
-        (["parameters", 0, "name"], "tau", "parameter of 'rollpitch' 'tau'"),
-        (["parameters", 0, "at_bound"], 1, "at_bound must be true or false"),
-        (["costs", "p/lat"], "9", r"costs.p/lat must be a number, got '9'"),
-        (["correlation", 0], [1.0], "correlation must be 10 rows of 10 numbers"),
-        (["misfit", "phase_deg"], {}, "misfit has other responses"),
-        (["misfit", "ratio"], "high", "ratio must be a number"),
-        (["bands_rad_s", "p/lat"], [1.0], r"bands_rad_s.p/lat must be a list of 2 numbers"),
-        (["data", "colour"], [1.0], "colour"),
-        (["format"], "else", "this isn't a fit.*'else'"),
-    ],
-)
+@tabled("path", "wrong", "message")
 def test_what_a_fit_holds_is_checked(fit, path, wrong, message):
     """Text for a number, a name that isn't there, a row too short."""
     plain = copy.deepcopy(fit.to_dict())

@@ -12,6 +12,7 @@ from helisim.cli import main
 from helisim.physics.laws import Called
 from helisim.vehicle.law import linearize_law
 from small_laws import FULL, HOLDS, INPUTS, LAT, random_law
+from tabled import tabled
 
 OMEGA = np.geomspace(0.2, 150.0, 60)
 MADE = {"by": "hand", "specifications": [{"axis": "lat", "least": 45.0}], "of": {"seed": 3}}
@@ -117,29 +118,7 @@ def test_a_law_of_ones_own_needs_its_methods_and_the_gyros_ticks(jr700):
 ATTITUDE, NAN = HOLDS.to_dict(), np.full((5, 5), np.nan).tolist()
 
 
-@pytest.mark.parametrize(
-    ("kind", "change", "message"),
-    [
-        ("", {"kind": None}, "unknown kind of law ''; available: attitude_command"),
-        ("", {"version": 2}, "version 2: this helisim reads version = 1"),
-        ("", {"roll": {}}, "unknown setting of attitude_command 'roll'; available: .*lat, lon"),
-        ("", {"ped": None}, "attitude_command needs ped"),
-        ("", {"lat": {"stick": 1.0}}, "lat needs frequency and k_angle and k_rate"),
-        ("", {"lat": {"k_rte": 1.0}}, r".lat 'k_rte'.*did you mean k_rate"),
-        ("lat", {"k_rate": "x"}, r"lat\.k_rate must be a number .*, got 'x'"),
-        ("lat", {"stick": 10**400}, r"stick must be a finite number .* at most 1e\+09"),
-        ("lat", {"filters": [{"kind": ["lead"]}]}, r"filters\[0\] \['lead'\]; available"),
-        ("lat", {"filters": 5 * [{"kind": "lead", "zero": 1, "pole": 2}]}, "at most 4 fly"),
-        ("rate", {"anti_windup": 1}, "anti_windup must be true or false, got 1"),
-        ("matrix", {"inputs": ["p", "phi", "psi", "LAT", "airspeed"]}, "'airspeed'.*available"),
-        ("matrix", {"inputs": ["p", "p", "psi", "LAT", "COL"]}, "twice"),
-        ("matrix", {"inputs": "p"}, "inputs must be a list of names, got 'p'"),
-        ("matrix", {"inputs": ["p", "phi"]}, r"b must be 5 by 2, got \(5, 5\)"),
-        ("matrix", {"a": NAN}, "a must hold numbers, each finite"),
-        ("matrix", {"a": 3.0}, r"a must be 1 by 1, got \(\)"),
-        ("matrix", {"limits": [0.5, 0.5]}, "limits must be a list of 4 numbers above 0"),
-    ],
-)
+@tabled("kind", "change", "message")
 def test_what_is_no_law_says_what_is_wrong(kind, change, message, jr700):
     data = {"rate": hs.RateCommand.of(jr700), "matrix": random_law()}.get(kind, HOLDS).to_dict()
     changed = {"lat": {**LAT, **change}} if kind == "lat" else change

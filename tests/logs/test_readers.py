@@ -10,8 +10,9 @@ import pytest
 
 import autopilot_logs
 from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
-from helisim.logs import Clock, Column, Layout, Map, read_log
+from helisim.logs import Clock, Column, Layout, Map, read_log  # noqa: F401  (Layout is in the table)
 from helisim.logs import ulog as module
+from tabled import tabled
 
 RATE = 0.004
 """s between gyro messages: 250 Hz."""
@@ -98,17 +99,7 @@ def test_every_format_gives_the_same_record(log_of):
     assert even.record["p"][inside] == pytest.approx(np.sin(even.record.time[inside]), abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("column", "options", "message"),
-    [
-        (("nothere", "rad/s"), {}, "unknown column 'nothere'; available: "),
-        ((None, "ft"), {}, "channel 'p' is in rad/s, but the unit 'ft' is one of m"),
-        ((None, None), {}, "says its unit; give one, such as 'rad/s'"),
-        ((None, "rad/s"), {"start": 3.0}, "samples from 3 s to the end, and the log goes from 0"),
-        ((None, "rad/s"), {"resample_hz": 1e6}, "lower the rate, cut the log, or check the unit"),
-        ((None, "rad/s"), {"min_duration": 9.0}, "left out as too short"),
-    ],
-)
+@tabled("column", "options", "message")
 def test_what_no_format_allows_is_refused_in_one_way(log_of, column, options, message):
     _, path, own, _, _ = log_of
     name, unit = column
@@ -221,22 +212,7 @@ def test_timestamps_of_a_table_are_seconds_since_the_first(tmp_path, unit):
         assert log.report.origin == ("0" if time and time.rate else "1970-01-01 00:00:02")
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Column(""), "expected a column's name"),
-        (lambda: Column("p", "us", trim="mid"), "'p'.trim must be a number, got 'mid'"),
-        (lambda: Clock(), "either a column or a rate"),
-        (lambda: Clock("t", "fortnight"), "available: s, ms, us"),
-        (lambda: Layout(delimiter=";;"), "expected one character"),
-        (lambda: Layout(delimiter=",", decimal=","), "another than the decimal"),
-        (lambda: Map({"time": Column("p")}), "can't be called 'time'"),
-        ("[channels.p]\nunits = 'deg'", "available: column, unit, sign"),
-        ("[chanels.p]\n", "available: channels, time, file"),
-        ("[time]\nunit = 's'", "column or a rate"),
-        ("[channels", "TOML"),
-    ],
-)
+@tabled("make", "message")
 def test_a_map_that_makes_no_sense_is_refused_by_its_entry(tmp_path, make, message):
     path = tmp_path / "map.toml"
     if isinstance(make, str):

@@ -19,6 +19,7 @@ from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
 from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
 from one_blade import OneBlade
+from tabled import tabled
 
 SPEED = 100.0
 STILL = Velocities(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -68,15 +69,7 @@ ROTORS = [(2.0, 1.0), (2.0, 1.07), (5.0, 1.0), (8.0, 1.03), (10.0, 1.12)]
 """Lock numbers and flap frequencies: models with and without springs, full size to a Bo 105."""
 
 
-@pytest.mark.parametrize(
-    ("direction", "lock", "frequency", "turning"),
-    [
-        (1.0, 2.0, 1.07, "body"),
-        (-1.0, 5.0, 1.0, "air"),
-        (1.0, 8.0, 1.03, "both"),
-        pytest.param(-1.0, 10.0, 1.12, "body", marks=pytest.mark.slow),
-    ],
-)
+@tabled("direction", "lock", "frequency", "turning")
 def test_a_turn_tilts_the_disc_as_one_blade(par, direction, lock, frequency, turning):
     """Body, air, or both together in a steady turn, which leaves the gyroscopic lag alone."""
     body = (0.3, -0.4) if turning != "air" else (0.0, 0.0)
@@ -118,15 +111,7 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     return tilt_by_flight(par, main, held, *way, *skewed_slopes(par, main, *way))
 
 
-@pytest.mark.parametrize(
-    ("direction", "way", "advance", "twist"),
-    [
-        (1.0, (1.0, 0.0), 0.15, -0.14),
-        (-1.0, (0.0, 1.0), 0.3, 0.0),
-        (1.0, (-0.6, 0.8), 0.3, -0.14),
-        (-1.0, (1.0, 0.0), 0.05, 0.0),
-    ],
-)
+@tabled("direction", "way", "advance", "twist")
 def test_a_disc_in_flight_tilts_as_one_blade(par, direction, way, advance, twist):
     """Forward, sideways and aslant, with coning, twist and inflow that rises to the rear.
 

@@ -11,6 +11,7 @@ from scipy.optimize import fsolve
 from helisim.physics import rotor as rotors
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
+from tabled import tabled
 
 speed = st.floats(-25.0, 25.0)
 sinking = st.floats(-8.0, 16.0)
@@ -62,17 +63,7 @@ def test_thrust_is_that_of_the_blades_summed_over_the_disc(numbers):
     assert main.thrust / force == pytest.approx(summed, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("airspeed", "sinks", "col", "twist"),
-    [
-        (5.0, 0.0, 0.0, 0.0),
-        (10.0, 0.0, -0.1, -0.15),
-        (20.0, -2.0, 0.0, 0.0),
-        (20.0, 2.0, -0.24, 0.0),
-        (20.0, 6.0, -0.42, 0.0),
-        (20.0, 6.0, -0.42, -0.15),
-    ],
-)
+@tabled("airspeed", "sinks", "col", "twist")
 def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, col, twist):
     """Free blades that flap until no moment is left, their drag aside: work and force in the plane.
 

@@ -12,6 +12,7 @@ from helisim.physics.laws import OwnLaw, is_registered, token
 from helisim.physics.layout import HISTORY, INJECTION, PARAM, STATE
 from helisim.vehicle import Controller
 from helisim.vehicle.trim import Motion, addresses, write_motion
+from tabled import tabled
 
 
 def test_a_law_is_known_until_it_is_released():
@@ -50,19 +51,7 @@ def test_a_failed_law_leaves_the_servos_where_they_were(jr700):
 NAN = np.nan
 
 
-@pytest.mark.parametrize(
-    ("place", "given", "commands"),
-    [
-        ("all", (1.0, 2.0, 3.0, 4.0), [1.0, 2.0, 3.0, 4.0]),
-        ("swash", np.array([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0, NAN]),
-        ("tail", 0.5, [NAN, NAN, NAN, 0.5]),
-        ("tail", [0.5], [NAN, NAN, NAN, 0.5]),
-        ("all", 0.0, "returned 0.0 where finite numbers for front, left, right, tail"),
-        ("tail", (1.0, 2.0), r"returned \(1.0, 2.0\) where finite numbers for tail are"),
-        ("swash", "abc", "returned 'abc'"),
-        ("swash", (1.0, np.inf, 0.0), "for front, left, right are"),
-    ],
-)
+@tabled("place", "given", "commands")
 def test_commands_go_to_their_servos_or_are_refused(place, given, commands):
     law = OwnLaw(lambda seen: given, place, 0, np.zeros(0), None, "own").watched()
     if isinstance(commands, str):

@@ -7,6 +7,7 @@ import pytest
 from helisim.base.errors import RecordError, UnknownNameError
 from helisim.records.record import FlightRecord, channel
 from made_run import make_flight
+from tabled import tabled
 
 
 def make_record(**changes) -> FlightRecord:
@@ -59,21 +60,7 @@ def test_a_record_can_not_be_changed_and_its_sample_time_needs_uniform_samples()
         _ = make_record(time=[0.0, 0.01, 0.02, 0.04, 0.05]).sample_time
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"time": [[0.0, 1.0]]}, "at least two samples"),
-        ({"time": [0.0], "values": [[0.0, 0.0]]}, "at least two samples"),
-        ({"values": np.zeros((5, 3))}, r"shape \(5, 3\), expected \(5, 2\)"),
-        ({"values": np.zeros((4, 2))}, r"shape \(4, 2\), expected \(5, 2\)"),
-        ({"channels": (channel("p"), channel("p"))}, "repeated: p"),
-        ({"time": [0.0, 0.01, np.nan, 0.03, 0.04]}, "row 2 has nan s"),
-        ({"time": [0.0, 0.01, 0.01, 0.03, 0.04]}, "row 2 has 0.01 s after 0.01 s"),
-        ({"values": [[0.0, 0.0]] * 4 + [[0.0, np.inf]]}, "channel 'p' is not finite at row 4"),
-        ({"provenance": {"when": object()}}, "plain JSON data"),
-        ({"provenance": {"noise": float("nan")}}, "plain JSON data"),
-    ],
-)
+@tabled("changes", "message")
 def test_a_malformed_record_is_refused(changes, message):
     with pytest.raises(RecordError, match=message):
         make_record(**changes)

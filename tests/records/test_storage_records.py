@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from helisim.base.errors import RecordError, StorageError
 from helisim.records.record import Channel, FlightRecord, channel
 from helisim.records.storage import read_record, write_record
+from tabled import tabled
 
 SUFFIXES = (".parquet", ".csv")
 AWKWARD = Channel('gap, "rotor" [x]', "m/s^2 [raw]", "OTHER", "an odd name; Ω and a\nsecond line")
@@ -95,19 +96,7 @@ def test_damaged_parquet_is_refused(tmp_path, keep):
         read_record(path)
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        (lambda t: t.replace_schema_metadata(None), StorageError, "not a helisim flight record"),
-        (lambda t: headed(t, version=2), StorageError, "version 2 of the format, .* version 1"),
-        (lambda t: headed(t, format="dataset"), StorageError, "'dataset', expected a 'flight rec"),
-        (lambda t: headed(t, provenance=[]), StorageError, "has no provenance"),
-        (lambda t: t.remove_column(0), StorageError, "the first column must be 'time'"),
-        (lambda t: with_p(t, 4, None), StorageError, "column 'p' has no number at row 4"),
-        (lambda t: with_p(t, 0, "fast"), StorageError, "column 'p' holds string, expected double"),
-        (lambda t: with_p(t, 9, np.nan), RecordError, r"foreign\.parquet: .* not finite at row 9"),
-    ],
-)
+@tabled("change", "error", "message")
 def test_foreign_parquet_is_refused(tmp_path, change, error, message):
     path = tmp_path / "foreign.parquet"
     pq.write_table(change(pq.read_table(write_record(make_record(), path))), path)

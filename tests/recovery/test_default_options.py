@@ -4,6 +4,8 @@ import pytest
 from fleet import FLEET
 from recovering import recover
 
+from tabled import tabled
+
 
 @pytest.mark.parametrize("name", FLEET)
 def test_no_start_is_the_answer(name):
@@ -12,15 +14,7 @@ def test_no_start_is_the_answer(name):
         assert parameter.start in (0.0, *(s * 10.0**k for k in range(-6, 5) for s in (-1, 1)))
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"),
-    [
-        ("f_16", 0),
-        pytest.param("boeing_747", 1, marks=pytest.mark.slow),
-        pytest.param("lynx", 1, marks=pytest.mark.slow),
-        pytest.param("blade_360", 1, marks=pytest.mark.study),
-    ],
-)
+@tabled("name", "seed")
 def test_all_come_back(name, seed):
     """All parameters are inside their bounds, and the points err as they say.
 

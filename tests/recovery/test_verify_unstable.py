@@ -20,6 +20,7 @@ from helisim.ident import Structure, verify
 from helisim.ident.verification import ACCEPTABLE_TIC, theil
 from helisim.records.record import FlightRecord, channel
 from helisim.study.results import IdentifiedModel
+from tabled import tabled
 
 UNSTABLE = ("blade_360", "lynx")
 
@@ -168,15 +169,7 @@ def test_what_was_done_is_in_text_and_json(tmp_path):
     assert str(again) == text
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"segment": 0.05}, r"3 samples \(0.06 s\) .* expected 4 samples \(0.08 s\)"),
-        ({"segment": 1e-9}, r"1 samples .* are too few"),
-        ({"segment": -1.0}, "segment must be a number above 0 s, got -1"),
-        ({"segment": "x"}, "segment must be a number above 0 s, got 'x'"),
-    ],
-)
+@tabled("options", "message")
 def test_what_can_not_be_predicted_is_refused(options, message):
     """Too few samples for a state, and times that a record doesn't hold."""
     with pytest.raises(InputError, match=message):

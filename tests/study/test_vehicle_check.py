@@ -18,6 +18,7 @@ from helisim.study.check import Problem, check_vehicle
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import load, standard_parameters
 from helisim.vehicle.parameters import vehicle_names
+from tabled import tabled
 
 PARAMETERS, CALIBRATED, TUNED, MJCF = "parameters.toml", "calibrated.toml", "tuned.toml", "own.xml"
 
@@ -182,15 +183,7 @@ def test_what_is_there_is_not_overwritten(made, capsys):
     assert sorted(made.parent.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("jr700", "no shipped one's, got 'jr700'"),
-        ("../x", r"got '../x'; `to` takes the folder around it"),
-        ("3x", "begins with a letter"),
-        ("a" * 300, "at most 100 letters"),
-    ],
-)
+@tabled("name", "message")
 def test_a_name_that_cannot_be_is_refused(tmp_path, name, message):
     with pytest.raises(InputError, match=message):
         new_vehicle(name, to=tmp_path)

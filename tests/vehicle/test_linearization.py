@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.base.errors import InputError, ModelError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
@@ -14,6 +14,7 @@ from helisim.vehicle import load
 from helisim.vehicle.linearize import RIGID_BODY
 from helisim.vehicle.trim import addresses
 from plates import H3_120
+from tabled import tabled
 
 PAPER = {
     item.name: item.value
@@ -198,16 +199,7 @@ def test_the_collectives_rate_moves_the_stick_not_the_hover():
     assert sticks == pytest.approx([full.trim.col, 2.0 * full.trim.col], rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("setting", "error", "says"),
-    [
-        ({"gyro.flight_mode": 2.5}, ModelError, "one of 1, 2, 3, got 2.5"),
-        ({"gyro.elevator_rate": 1.1}, ModelError, "above 0 and at most 1, got 1.1"),
-        ({"gyro.pitch_rate": float("nan")}, InputError, "got nan"),
-        ({"main_rotor.lift_slope": 5.0}, InputError, r"load\(parameters"),
-        ({"gyro.gain": 1.0}, UnknownNameError, r"gyro\.k_a"),
-    ],
-)
+@tabled("setting", "error", "says")
 def test_a_setting_that_the_gyro_lacks_is_refused(jr700, setting, error, says):
     with pytest.raises(error, match=says):
         jr700.with_settings(setting)

@@ -22,6 +22,7 @@ from helisim.vehicle import build
 from helisim.vehicle.build import Change, elements, unwritten, write_numbers
 from helisim.vehicle.parameters import model_folder
 from own_vehicle import copied, edited
+from tabled import tabled
 
 
 @pytest.fixture(scope="module")
@@ -123,15 +124,7 @@ def test_which_file_is_the_mjcf_must_be_clear(tmp_path):
     assert hs.load(own).name == "own"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('<gyro name="gyro_rate"', '<gyro name="gyro_rates"', "did you mean gyro_rates"),
-        ('<site name="hub"', '<site name="hubb"', "did you mean hub"),
-        ('<body name="fuselage">', '<body name="hull">', "unknown body 'fuselage'"),
-        ('class="rotor" joint="root"', 'class="rotor" site="cg"', "free joint"),
-    ],
-)
+@tabled("old", "new", "message")
 def test_what_is_missing_from_the_mjcf_is_said(tmp_path, old, new, message):
     own = copied(tmp_path / "own")
     edited(own, "jr700.xml", old, new)

@@ -12,6 +12,7 @@ from helisim.vehicle import load
 from helisim.vehicle.build import write_numbers
 from helisim.vehicle.trim import addresses
 from own_vehicle import copied, edited
+from tabled import tabled
 
 MOTOR = {"drive.governor": "motor"}
 
@@ -36,18 +37,7 @@ def largest_difference(name, response, low, high):
 
 
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
-@pytest.mark.parametrize(
-    ("response", "band", "most"),
-    [
-        ("w/col", (3.0, 10.0), 0.05),
-        ("w/col", (10.0, 100.0), 0.015),
-        ("p/lat", (3.0, 100.0), 2e-3),
-        ("q/lon", (3.0, 100.0), 5e-4),
-        ("r/ped", (3.0, 10.0), 0.085),
-        ("r/ped", (10.0, 30.0), 0.195),
-        ("r/ped", (30.0, 100.0), 0.29),
-    ],
-)
+@tabled("response", "band", "most")
 def test_the_hover_s_responses_are_those_of_the_ideal_governor(name, response, band, most):
     """From 3 rad/s up, where the paper's structures hold, an electric motor changes little.
 

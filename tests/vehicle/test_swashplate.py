@@ -15,6 +15,7 @@ from helisim.vehicle.parameters import Parameters, completed
 from helisim.vehicle.swashplate import Flapping, Swashplate, TipPathPlane, flapping_from_blade
 from one_blade import OneBlade
 from plates import H3_120
+from tabled import tabled
 
 DEFAULT = completed(Parameters({}))
 ROOT_2, ROOT_3 = math.sqrt(2.0), math.sqrt(3.0)
@@ -131,16 +132,7 @@ def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
     return np.linalg.solve([[1.0, -found.a_b], [-found.b_a, 1.0]], asked)
 
 
-@pytest.mark.parametrize(
-    ("direction", "lock", "frequency", "flown"),
-    [
-        pytest.param(1.0, 2.0, 1.07, {"p": 0.5}, marks=pytest.mark.slow),
-        (-1.0, 5.0, 1.0, {"q": 0.5}),
-        pytest.param(1.0, 8.0, 1.03, {"lat": 0.1}, marks=pytest.mark.slow),
-        (-1.0, 10.0, 1.12, {"lon": 0.1}),
-        pytest.param(1.0, 2.0, 1.0, {"lon": 0.1}, marks=pytest.mark.slow),
-    ],
-)
+@tabled("direction", "lock", "frequency", "flown")
 def test_a_steady_disc_is_that_of_one_blade(direction, lock, frequency, flown):
     turning = {"lock_number": lock, "speed": 100.0, "direction": direction}
     ranges = {"lon_range": 0.3, "lat_range": 0.25}

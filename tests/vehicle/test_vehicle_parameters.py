@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from helisim.base.errors import HelisimError, InputError, ModelError, TrimError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, ModelError, UnknownNameError
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.parameters import glossary, number_of, term, to_toml, vehicle_names
 from own_vehicle import copied, edited
+from tabled import tabled
 
 CHOICES = {name: known.words for name, known in glossary().items() if known.words}
 
@@ -43,20 +44,7 @@ GOVERNOR = "[drive]\ngovernor = { value = 'perfect', unit = '1', source = 'x' }"
 DENSITY = "[air]\ndensity = "
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (DENSITY + "{ value = 1.2, source = 'x' }", "air.density needs value"),
-        (DENSITY + "{ value = 'thick', unit = 'kg/m^3', source = 'x' }", "must be a finite number"),
-        (DENSITY + "{ value = nan, unit = 'kg/m^3', source = 'x' }", "must be a finite number"),
-        (DENSITY + "{ value = 1, unit = 'g/l', source = 'x' }", "is in 'kg/m.3', not in 'g/l'"),
-        (DENSITY + "1.2", "air.density needs value"),
-        ("[air\ndensity", "can't read parameters"),
-        ("density = 1.2", "must stand in a section"),
-        ("[air]\ndense = 1", r"unknown parameter of \[air\] 'dense'.*did you mean density"),
-        (GOVERNOR, "drive.governor must be ideal or motor, got 'perfect'"),
-    ],
-)
+@tabled("text", "message")
 def test_a_malformed_file_is_refused(tmp_path, text, message):
     path = tmp_path / "parameters.toml"
     path.write_text(text)
@@ -83,25 +71,7 @@ def test_a_parameter_is_defined_once_and_ones_own_section_is_left_alone(tmp_path
         load(own)
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"drive.governor": "perfect"}, InputError, r"drive\.governor must be ideal.*, got "),
-        ({"drive.governor": True}, InputError, r"drive\.governor must be ideal.*, got "),
-        ({"air.density": "thin"}, InputError, r"'air\.density' must be a finite number"),
-        ({"air.density": math.inf}, InputError, r"'air\.density' must be a finite number"),
-        ({"main_rotor.liftslope": 6.0}, UnknownNameError, r"main_rotor\.lift_slope"),
-        ({"main_rotor.lift_slope": 0.0}, ModelError, "must be positive"),
-        ({"airframe.ixx": -0.2}, ModelError, "must be positive"),
-        ({"main_rotor.direction": 0.0}, ModelError, r"'main_rotor.direction' must be one of -1, 1"),
-        ({"gyro.period": -1e300}, ModelError, "must be positive"),
-        ({"gyro.latency": 1e9}, ModelError, r"gyro\.latency is 1e\+09 s, at most 10 s"),
-        ({"main_rotor.speed": 1e300}, ModelError, "out of all proportion"),
-        ({"tail_rotor.arm_x": -1e300}, TrimError, "no hover found"),
-        ({"servo.swash_frequency": 1e300}, ModelError, "linearisation isn't finite"),
-        ({"airframe.ixx": 1e9}, ModelError, "inertia"),
-    ],
-)
+@tabled("changes", "error", "message")
 def test_a_value_that_can_not_be_is_refused(changes, error, message):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
