@@ -101,7 +101,10 @@ def test_errors_of_a_loop_are_those_of_its_responses(coupled):
     output, position = (k.ravel() for k in np.indices((2, at.size)))
     wanted = scatter.covariance(output, 0 * output + 1, position)
     size = np.sqrt(np.real(np.diagonal(wanted)))
-    over, near = np.outer(size, size), np.exp(-8.0 * np.subtract.outer(np.log(at), np.log(at)) ** 2)
+    over, near = (
+        np.outer(size, size),
+        np.exp(-2.0 * np.abs(np.subtract.outer(np.log(at), np.log(at)))),
+    )
     across = np.kron([[0.0, 1.0], [1.0, 0.0]], near) * np.outer(*2 * [both[:, 1].ravel()])
     for alike, covariance in (([0, 1], wanted), ([0, 0], wanted + across)):
         root = _error_root(scatter, 1, np.array(alike))

@@ -278,8 +278,8 @@ def test_side_velocity_is_taken_out_of_yaw_or_the_error_says_so(tmp_path):
         log.sweep(axis, slip=True, noise=0.1, seed=axis)
     (known,) = identified(log.save(tmp_path)).values()
     assert known.data.conditioning == ("v_dot",)
-    # three standard errors are 2.7 %
-    assert abs(known["N_r"].value - truth) < 3.0 * known["N_r"].standard_error < 0.1
+    # three standard errors are 3.6 %: 2.7 % of noise and 2.4 % of what a structure may leave out
+    assert abs(known["N_r"].value - truth) < 3.0 * known["N_r"].standard_error < 0.13
     yaw = SidLog().sweep(12, slip=True, noise=0.1)
     assert "INS_POS1 is 0" in "".join(infer(yaw.save(tmp_path)).diagnostics)
     (alone,) = identified(yaw.save(tmp_path)).values()

@@ -26,6 +26,7 @@ from helisim.ident import CrossControlWarning, RecordQualityWarning
 from helisim.ident.frf import frequency_response
 from helisim.ident.local_fit import flight_lines
 from helisim.ident.scatter import LocalScatter
+from helisim.ident.scatter import alike as likeness
 from helisim.records.record import IN1, IN2, FlightRecord, one_blas_thread
 
 Array = NDArray[np.float64]
@@ -41,7 +42,6 @@ _HELD = 0.1  # share of what was injected: sticks that move more are told
 _GAIN, _PHASE = 0.006, 0.002
 """Standard deviations of a loop's gain, and its phase, rad, in flight from those at trim."""
 _KNOWN = 0.15  # largest median error of a draw, as a share, at a point of use
-_REACH = 0.25  # ratio of frequencies, less 1, within which biases are related
 _RIDGE = 1e-5  # added to a correlation matrix, whose weights are in single precision
 _POWER = 0.05  # share of the largest power per octave near a frequency below which the band ends
 _NEAR = 1.4  # ratio of frequencies that are near
@@ -207,8 +207,8 @@ def _error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> C
     flat = taken.reshape(n_out * n_freq, -1)
     noise = scatter.noise_root().transpose(1, 0, 2).reshape(n_out * n_freq, -1)
     random = (flat @ flat.conj().T).astype(np.complex128) * (noise @ noise.conj().T)
-    size, at = np.hypot(scatter.bias, scatter.spread)[:, place], np.log(scatter.frequency)
-    near = np.exp(-0.5 * (np.subtract.outer(at, at) / _REACH) ** 2)
+    size = np.hypot(scatter.bias, scatter.spread)[:, place]
+    near = likeness(scatter.frequency, np.zeros(n_freq, dtype=np.intp))
     same = np.equal.outer(alike, alike).astype(np.float64)
     covariance = random + np.outer(size.ravel(), size.ravel()) * np.kron(same, near)
     deviation = np.sqrt(np.maximum(np.real(np.diagonal(covariance)), 1e-300))[:, None]
