@@ -256,7 +256,7 @@ def test_slopes_are_those_at_which_dynamic_inflow_rests(par, climb, advance):
     across, aft = skewed_slopes(par, main, ahead, right)
     behind = wake(mean, climb, advance, ahead, right)
     thrust = 2.0 * behind.flow * mean  # momentum
-    rates = inflow_rates(mean, across, aft, thrust, 0.0, 0.0, behind, 1.0, 1.0, 15.0 * np.pi / 64.0)
+    rates = inflow_rates(mean, across, aft, thrust, 0.0, 0.0, behind, 1.0, 1.0, 15.0 * np.pi / 32.0)
     # rounding, over the flow's inertia of 0.1
     assert rates == pytest.approx((0.0, 0.0, 0.0), abs=1e-15)
     if climb == 0.0:

@@ -15,7 +15,7 @@ from quasi_steady import inflow_and_thrust
 
 ways = st.floats(-math.pi, math.pi)
 speeds = st.floats(0.0, 40.0)
-SKEW = 15.0 * math.pi / 64.0  # Pitt and Peters
+SKEW = 15.0 * math.pi / 32.0  # Pitt and Peters
 loads = st.tuples(*[st.floats(-50.0, 50.0)] * 3)
 inflows = st.tuples(st.floats(0.5, 8.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 
@@ -106,7 +106,7 @@ def test_the_mean_rests_where_momentum_and_blades_meet(flight):
     share, _ = momentum.ground_share(nearness, mean, advance)
     behind = wake(mean, climb, advance, advance, 0.0)
     # the inflow's slope that goes with a disc without moments: 15 pi / 32 tan(chi / 2)
-    aft = 2.0 * SKEW * behind.skew_x * mean
+    aft = SKEW * behind.skew_x * mean
     rate, right_rate, aft_rate = inflow_rates(
         mean, 0.0, aft, share * thrust, 0.0, 0.0, behind, 1.0, 1.0, SKEW
     )

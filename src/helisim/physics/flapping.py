@@ -230,5 +230,5 @@ def wake_rates(par, past, main, mean, right, aft, roll, pitch):
     behind = wake(main.induced, main.climb, main.advance, skewed[0], skewed[1])
     share, _ = ground_share(past.nearness, main.induced, main.advance)
     thrust = share * main.thrust / (par[PARAM.air_density] * math.pi * radius**2)
-    skew = 0.5 * par[PARAM.inflow_skew]
+    skew = par[PARAM.inflow_skew]
     return inflow_rates(mean, right, aft, thrust, roll, pitch, behind, tip, radius, skew)

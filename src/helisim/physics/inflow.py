@@ -175,18 +175,18 @@ def inflow_rates(mean, right, aft, thrust, roll, pitch, wake, speed, radius, ske
     """Return the derivatives of v_0, v_s and v_c (mean, right, aft), m/s^2.
 
     thrust: T / (rho pi R^2), m^2/s^2; roll, pitch: hub moment of the air / (rho pi R^3), m^2/s^2,
-    right side down, nose up; speed: of the tips, m/s; skew: coupling of mean load and slope in a
-    skewed wake, half of `main_rotor.inflow_skew`, which Pitt and Peters have as 15 pi / 32.
+    right side down, nose up; speed: of the tips, m/s; skew: `main_rotor.inflow_skew`, twice the
+    coupling of mean load and slope in a skewed wake; Pitt and Peters have 15 pi / 32.
     """
     skew_x, skew_y = wake.skew_x, wake.skew_y
     flow, slope_flow = speed * wake.flow, speed * wake.slope_flow
     square = skew_x**2 + skew_y**2
-    share = 1.0 - (1.0 - skew**2) * square  # determinant of the wake's L across mean and way
+    share = 1.0 - (1.0 - 0.25 * skew**2) * square  # determinant of the wake's L across mean and way
     along = aft * skew_x - right * skew_y  # slope to the lee, times the skew
-    held = (2.0 * (1.0 - square) * mean + skew * along) / share
+    held = (2.0 * (1.0 - square) * mean + 0.5 * skew * along) / share
     mean_rate = (thrust - flow * held) / (MEAN_MASS * radius)
     even = 0.5 / (1.0 + square)
-    swept = ((2.0 - skew**2) * even * along - skew * mean) / share
+    swept = ((2.0 - 0.25 * skew**2) * even * along - 0.5 * skew * mean) / share
     right_rate = (-roll - slope_flow * (even * right - swept * skew_y)) / (SLOPE_MASS * radius)
     aft_rate = (-pitch - slope_flow * (even * aft + swept * skew_x)) / (SLOPE_MASS * radius)
     return mean_rate, right_rate, aft_rate
