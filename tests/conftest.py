@@ -13,7 +13,7 @@ from hypothesis import settings
 import interpreted
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 if interpreted.wanted():
     interpreted.install()

@@ -16,8 +16,9 @@ import pytest
 import helisim as hs
 from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.trim import place
 from own_laws import attitude_controllers
 
 HOP = hs.Doublet(axis="lat", duration=8.0)

@@ -21,7 +21,7 @@ import helisim as hs
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim.flight import simulate
 from helisim.vehicle import load
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 COLUMNS = ("motor", "stored", "wind", "heat", "missing", "legs")
 

@@ -12,7 +12,7 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.sim import Recorder
 from helisim.study.experiment import fly_sweeps
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 YAW = {"N_r": -0.8, "N_ped": 48.0, "tau_r_base": 0.014}
 TRACKED = (

@@ -15,9 +15,10 @@ from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.vehicle import load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.controller import set_controller
-from helisim.vehicle.trim import Motion, addresses, place, write_motion
+from helisim.vehicle.trim import Motion, place, write_motion
 from tabled import tabled
 
 CALM = {"motion": {}}

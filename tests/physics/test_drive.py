@@ -20,7 +20,8 @@ from helisim.physics.native import installed
 from helisim.physics.rotor import main_rotor, tail_rotor
 from helisim.sim.flight import simulate
 from helisim.vehicle import load
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import place
 
 MAXON = {
     "drive_engine": drive.ELECTRIC,

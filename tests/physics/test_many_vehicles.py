@@ -10,8 +10,9 @@ from mujoco.batch import Batch
 
 from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.native import installed
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.trim import place
 
 
 def sweeping(model, axis, seed):

@@ -11,7 +11,8 @@ from helisim.physics.gyro import cyclic_law, yaw_law
 from helisim.physics.laws import OwnLaw, is_registered, token
 from helisim.physics.layout import HISTORY, INJECTION, PARAM, STATE
 from helisim.vehicle import Controller
-from helisim.vehicle.trim import Motion, addresses, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, write_motion
 from tabled import tabled
 
 

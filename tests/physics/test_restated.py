@@ -14,7 +14,8 @@ import restated
 from helisim.physics import air, gyro, pilot
 from helisim.physics.layout import DOUBLET, HISTORY, PARAM, ROTOR_STATES, STATE, SWEEP
 from helisim.physics.native import installed
-from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, rotation_matrix, write_motion
 
 STEP = 0.002
 ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.warming + 1])

@@ -8,8 +8,9 @@ from helisim.physics.layout import PARAM, SENSOR, STATE
 from helisim.physics.motion import Velocities, to_shaft
 from helisim.physics.native import installed
 from helisim.physics.rotor import normal
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble
-from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
+from helisim.vehicle.trim import Motion, rotation_matrix, write_motion
 from mirror import mirrored, mirrored_parts
 
 FRD = np.array([1.0, -1.0, -1.0])

@@ -15,7 +15,7 @@ from helisim.sim import Doublet
 from helisim.sitl import Aircraft
 from helisim.sitl.link import Frame
 from helisim.vehicle import load
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 from off_screen import Clock, on_display
 from script import SCRIPTS
 

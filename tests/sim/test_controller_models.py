@@ -13,8 +13,8 @@ from helisim.base.errors import ModelError
 from helisim.physics.layout import STATE
 from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import addresses
 
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
 

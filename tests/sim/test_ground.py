@@ -15,7 +15,7 @@ from helisim.physics.native import installed
 from helisim.sim.flight import simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.missions import TakeOffHoverLand
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 from tabled import tabled
 
 SWAYING = Deck(

@@ -16,7 +16,8 @@ from helisim.sim.flight import fly, simulate
 from helisim.sim.plan import FlightPlan, Pilot
 from helisim.sim.recorder import Recorder
 from helisim.vehicle import load
-from helisim.vehicle.trim import Motion, addresses, place, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, place, write_motion
 from plates import H3_120
 
 

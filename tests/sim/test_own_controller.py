@@ -12,7 +12,7 @@ from helisim.base.errors import DivergedError, InputError
 from helisim.physics.gyro import gyro_law
 from helisim.physics.layout import PARAM, STATE
 from helisim.vehicle import Controller
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 from tabled import tabled
 
 SHORT = hs.Sweep(axis="ped", duration=12.0, trim_time=1.0)

@@ -12,7 +12,8 @@ from helisim.physics.native import installed
 from helisim.sim import FlightPlan, Gust, Pilot, Sweep, Weather, simulate
 from helisim.sim.flight import prepare
 from helisim.vehicle import load
-from helisim.vehicle.trim import Motion, addresses, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, write_motion
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 SPAN = 2.0 * 0.767

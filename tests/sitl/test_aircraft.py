@@ -12,7 +12,8 @@ from helisim.physics.layout import PARAM, STATE
 from helisim.sim import Ground, Weather
 from helisim.sitl.aircraft import Aircraft, _steps
 from helisim.vehicle import load
-from helisim.vehicle.trim import Motion, addresses, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, write_motion
 
 LOW = [1234, 1234, 1234, 1500, 0, 0, 0, 1000, *[0] * 8]
 """Blades at their lowest useful pitch, the motor off."""

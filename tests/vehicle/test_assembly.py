@@ -11,9 +11,10 @@ from helisim.records.record import IN1, IN2, POSITIONS, RATES, SERVOS
 from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
 from helisim.sim.excitation import Excitation
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble, total_inertia
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import addresses, find_trim, place
+from helisim.vehicle.trim import find_trim, place
 from mirror import mirrored, mirrored_parts
 
 

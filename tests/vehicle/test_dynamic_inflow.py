@@ -11,8 +11,9 @@ from scipy.linalg import expm
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
-from helisim.vehicle.trim import addresses, place
+from helisim.vehicle.trim import place
 
 SERVOS = ("front_position", "left_position", "right_position")
 INFLOW = ("inflow_0", "inflow_s", "inflow_c")

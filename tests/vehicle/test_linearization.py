@@ -11,8 +11,8 @@ from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.study.paper import published
 from helisim.vehicle import load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.linearize import RIGID_BODY
-from helisim.vehicle.trim import addresses
 from plates import H3_120
 from tabled import tabled
 

@@ -9,8 +9,8 @@ from helisim.base.errors import ModelError, TrimError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.vehicle import load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.build import write_numbers
-from helisim.vehicle.trim import addresses
 from own_vehicle import copied, edited
 from tabled import tabled
 

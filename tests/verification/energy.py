@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 import helisim as hs
 from helisim.sim import missions
 from helisim.sim.flight import simulate
+from helisim.vehicle.addresses import root_body
 from helisim.vehicle.assembly import total_inertia
-from helisim.vehicle.trim import root_body
 
 WIND, LIGHT = hs.Weather(wind=5.0, wind_from=1.0), hs.Weather(turbulence="light")
 FLIGHTS = {

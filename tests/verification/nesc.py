@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import flip
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 DIGITS = Path(__file__).with_name("nesc_sim04.csv")
 

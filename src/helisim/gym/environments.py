@@ -22,7 +22,7 @@ from helisim.gym.task import BOUND
 from helisim.show.viewer import Rotors, aim
 from helisim.sim.flight import at_least
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import root_body
+from helisim.vehicle.addresses import root_body
 
 Seen = NDArray[np.float32]
 Flags = NDArray[np.bool_]

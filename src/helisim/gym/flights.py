@@ -23,7 +23,8 @@ from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.sim.flight import thread_count
 from helisim.sim.limits import Limits
-from helisim.vehicle.trim import Motion, addresses, place, write_motion
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, place, write_motion
 
 _EARLY = 1e-9  # s by which a new command may come early: times are rounded
 _COMMAND = tuple[float, float, float, float]

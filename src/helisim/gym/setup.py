@@ -17,10 +17,11 @@ from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
 from helisim.physics.memory import TICK_TOLERANCE
 from helisim.sim import FlightEnvelope, Gust, Weather
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.addresses import addresses, root_body
 from helisim.vehicle.assembly import force_law_block, total_inertia
 from helisim.vehicle.parameters import Parameters
 from helisim.vehicle.swashplate import changed
-from helisim.vehicle.trim import Motion, addresses, root_body
+from helisim.vehicle.trim import Motion
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,8 @@ from helisim.sim.plan import Pilot, hover_height
 from helisim.sim.recorder import End, Recorder, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import Motion, addresses, read_motion, root_body
+from helisim.vehicle.addresses import addresses, root_body
+from helisim.vehicle.trim import Motion, read_motion
 
 ASSISTS = {
     "hover": "the sticks command velocities; let go, and it stays",

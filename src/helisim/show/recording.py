@@ -31,7 +31,7 @@ from helisim.records.record import LOAD as LOAD_CHANNELS
 from helisim.show.plots import families
 from helisim.show.viewer import SLOWED, drawn_tilt
 from helisim.sim.ground import Ground
-from helisim.vehicle.trim import HOOK, LOAD, own_centre, own_parts
+from helisim.vehicle.slung import HOOK, LOAD, own_centre, own_parts
 
 Array = NDArray[np.float64]
 Archetypes = Mapping[str, rr.AsComponents]

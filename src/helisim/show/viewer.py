@@ -27,7 +27,8 @@ from helisim.sim.flight import steps
 from helisim.sim.limits import broken
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import addresses, place, root_body
+from helisim.vehicle.addresses import addresses, root_body
+from helisim.vehicle.trim import place
 
 if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft

@@ -31,8 +31,9 @@ from helisim.sim.plan import FlightPlan, Flyable, as_plan
 from helisim.sim.recorder import End, Recorder, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import ControllerLike, Vehicle
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import check_motor
-from helisim.vehicle.trim import Trim, addresses, find_trim, place, set_governor
+from helisim.vehicle.trim import Trim, find_trim, place, set_governor
 
 Result = TypeVar("Result")
 Command = tuple[int, Callable[[mujoco.MjData], object]]

@@ -11,9 +11,9 @@ from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM
 from helisim.records.record import IN2
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.controller import GYRO
 from helisim.vehicle.linearize import Linearization
-from helisim.vehicle.trim import addresses
 
 MOTIONS = ("w", "theta", "phi", "psi")
 """The motion that each of the sticks COL, LON, LAT and PED holds, body axes."""

@@ -13,7 +13,7 @@ from helisim.records.record import IN2, SERVOS
 from helisim.sim.ground import Ground, Outline, outline
 from helisim.sim.recorder import End, Trajectory
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import root_body
+from helisim.vehicle.addresses import root_body
 
 HARDEST_LANDING = 2.5
 """m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""

@@ -53,8 +53,9 @@ from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import root_body
 from helisim.vehicle.law import trimmed_sticks
-from helisim.vehicle.trim import own_parts, root_body
+from helisim.vehicle.slung import own_parts
 
 _AIR = 0.9  # m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m
 

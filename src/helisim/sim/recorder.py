@@ -44,9 +44,9 @@ from helisim.records.record import (
 )
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.slung import LOAD as SLUNG_LOAD
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import LOAD as SLUNG_LOAD
-from helisim.vehicle.trim import addresses
 
 _INJECTED = {
     "servos": slice(INJECTION.command_front, INJECTION.command_front + 4),

@@ -13,7 +13,7 @@ from helisim.base.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.physics import air as law
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 LEVELS = {
     "light": 15.0 * METRE_S_PER_KNOT,

@@ -28,9 +28,10 @@ from helisim.sim.weather import Weather
 from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Outputs
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import check_motor, with_room
 from helisim.vehicle.controller import DIRECT, law_room
-from helisim.vehicle.trim import addresses, find_trim, set_governor
+from helisim.vehicle.trim import find_trim, set_governor
 
 FRAME = 1000  # us from a frame to the next: with less than 1.8 frames a loop ArduPilot does not arm
 SPOOL_UP = 12.0  # s, to the nominal speed where no motor's numbers tell it

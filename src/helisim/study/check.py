@@ -14,6 +14,7 @@ from helisim.base.note import Command, Option
 from helisim.study.new_vehicle import targets_of
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.addresses import root_body
 from helisim.vehicle.build import unwritten
 from helisim.vehicle.parameters import (
     PARAMETER_FILES,
@@ -25,7 +26,6 @@ from helisim.vehicle.parameters import (
     term,
 )
 from helisim.vehicle.swashplate import lock_number
-from helisim.vehicle.trim import root_body
 
 Files = Mapping[str, Path]  # by parameter
 

@@ -31,6 +31,7 @@ from helisim.physics.layout import (
     WITHOUT_LAWS,
 )
 from helisim.physics.memory import TICK_TOLERANCE, examine
+from helisim.vehicle.addresses import addresses, root_body
 from helisim.vehicle.parameters import (
     BODIES,
     SITES,
@@ -42,8 +43,9 @@ from helisim.vehicle.parameters import (
     rig_file,
     scene_file,
 )
+from helisim.vehicle.slung import sling
 from helisim.vehicle.swashplate import PLATE, Swashplate, TipPathPlane, with_both
-from helisim.vehicle.trim import HOOK, LOAD, SLUNG, addresses, root_body, set_governor
+from helisim.vehicle.trim import set_governor
 
 _MOTOR = ("inertia", "gear", "lag", "spool_up", "bail_out")
 _ENGINE = {  # [drive] > 0 with a motor, and with which engine
@@ -293,7 +295,7 @@ def assemble(
         spec.compiler.discardvisual = not visual
         parts = put_into(spec, parameters, block, visual=visual)
         if slung:
-            _sling(spec, parts, slung)
+            sling(spec, parts, slung)
         if around is not None:
             around(spec, parts)
         elif rig is None and not visual and not slung:  # alone in the air nothing is touched
@@ -332,26 +334,6 @@ def put_into(
         terms = missing[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
     return parts
-
-
-def _sling(spec: mujoco.MjSpec, parts: mujoco.MjModel, slung: str) -> None:
-    """Hang an MJCF's world on a vehicle's body, and sense where its load is."""
-    frame = spec.body(parts.body(root_body(parts)).name).add_frame()
-    try:
-        hung = mujoco.MjSpec.from_string(slung)
-        for k, body in enumerate(hung.bodies):
-            body.name = body.name or f"body_{k}"  # by their names they are told from the vehicle
-        spec.attach(hung, prefix=SLUNG, frame=frame)
-    except ValueError as error:
-        raise ModelError(f"the slung load's MJCF: {error}") from None
-    for kind, named, name in (("body", spec.body, LOAD), ("site", spec.site, HOOK)):
-        if named(name) is None:
-            raise ModelError(f"a slung load needs a {kind} {name.removeprefix(SLUNG)!r}: name it")
-    for key in list(spec.keys):  # of the vehicle alone
-        spec.delete(key)
-    sensor = spec.add_sensor(name=LOAD, type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objname=LOAD)
-    sensor.objtype, sensor.reftype = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
-    sensor.refname = HOOK
 
 
 def with_room(

@@ -37,7 +37,7 @@ from helisim.physics.layout import (
     WITHOUT_LAWS,
 )
 from helisim.physics.memory import check_is_model
-from helisim.vehicle.trim import addresses
+from helisim.vehicle.addresses import addresses
 
 Law = Callable[..., Any]  # law(seen, state, settings)
 Slot = Law | Literal["shipped"] | None

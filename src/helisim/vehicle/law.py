@@ -13,9 +13,10 @@ from helisim.physics.gyro import Seen, cyclic_law, yaw_law
 from helisim.physics.laws import Called
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
 from helisim.records.record import IN1, IN2, RATES
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.controller import SHIPPED, Controller
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import Trim, addresses, collective_stick, place, steady_force
+from helisim.vehicle.trim import Trim, collective_stick, place, steady_force
 
 _STEP = 1e-5  # central difference, unitised or SI, as of the base helicopter
 _TRIES = 20

@@ -2,7 +2,6 @@
 
 import copy
 from dataclasses import astuple, dataclass, replace
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -10,14 +9,15 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from helisim.base.errors import ModelError, TrimError, UnknownNameError
+from helisim.base.errors import TrimError
 from helisim.physics import drive, gyro
 from helisim.physics.battery import supply
 from helisim.physics.drive import IDEAL
 from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
-from helisim.physics.memory import NO_FREE_JOINT, free_body
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.slung import hang
 from helisim.vehicle.swashplate import Swashplate
 
 
@@ -37,72 +37,6 @@ class Motion:
     north: float = 0.0
     east: float = 0.0
     down: float = 0.0
-
-
-class Addresses(NamedTuple):
-    """Starts of a vehicle's numbers: rotor actuator, first activation, first control."""
-
-    rotor: int
-    state: int
-    control: int
-
-
-def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
-    """Find a vehicle in a model, by prefix in a scene; may raise UnknownNameError or ModelError."""
-    rotor = _rotor_actuator(model, prefix)
-    if model.nuser_actuator < len(PARAM):
-        raise ModelError(
-            f"the scene has room for {model.nuser_actuator} numbers of an actuator, and a vehicle "
-            f"has {len(PARAM)}; take nuser_actuator out of the scene's <size/>, or write them into "
-            "the vehicle's MJCF with `helisim vehicle build FOLDER`"
-        )
-    state = int(model.actuator_actadr[rotor]) - STATE.flap_a
-    return Addresses(rotor, state, int(model.actuator_ctrladr[rotor]) - ROTOR)
-
-
-def _rotor_actuator(model: mujoco.MjModel, prefix: str) -> int:
-    names = {model.actuator(k).name: k for k in range(model.nactuator)}
-    rotors = [name for name in names if name.endswith("rotor")]
-    meant = [name for name in rotors if name.startswith(prefix)]
-    if f"{prefix}rotor" in names:
-        meant = [f"{prefix}rotor"]
-    if len(meant) != 1:
-        advice = "there are several: give the prefix of one" if meant else ""
-        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors, advice=advice)
-    return names[meant[0]]
-
-
-def root_body(model: mujoco.MjModel) -> int:
-    """Return the number of a vehicle's body; may raise UnknownNameError or ModelError."""
-    body = free_body(model, _rotor_actuator(model, ""))
-    if body is None:
-        raise ModelError(f"actuator 'rotor' {NO_FREE_JOINT}")
-    return body
-
-
-SLUNG = "slung/"  # before each name of what hangs on a vehicle
-LOAD, HOOK = f"{SLUNG}load", f"{SLUNG}hook"
-
-
-def own_parts(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which bodies, (n_body,), are the vehicle's own and not a slung load's."""
-    own = np.array([not model.body(k).name.startswith(SLUNG) for k in range(model.nbody)])
-    return own | (model.body_weldid == root_body(model))
-
-
-def own_centre(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """Return the vehicle's own centre of gravity in the world, (3,) m, after mj_kinematics."""
-    root, own = root_body(model), own_parts(model)
-    if own.all():
-        mujoco.mj_comPos(model, data)
-        return data.subtree_com[root].copy()
-    mass = model.body_mass * (own & (model.body_rootid == root))
-    return mass @ data.xipos / mass.sum()
-
-
-def slung_dofs(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Return the degrees of freedom, (n_slung,), of what hangs on a vehicle."""
-    return np.flatnonzero(~own_parts(model)[model.dof_bodyid])
 
 
 def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]:
@@ -152,45 +86,6 @@ def specific_force(
     """Return ax, ay, az (m/s^2) at the centre of gravity, (3,), after mj_forward."""
     earth = rotation_matrix(motion.phi, motion.theta, motion.psi)
     return earth.T @ flip(*(data.qacc[:3] - model.opt.gravity))
-
-
-_TURNS = 20  # Newton steps, at most, to where a load hangs at rest
-_TURN, _AT_REST = 1e-5, 1e-11  # rad or m: of a difference, and of a last step
-_LEFT = 1e-6  # of the greatest weight: a force that is left
-_NEUTRAL = 1e-8  # least stiffness over the greatest: below, as about a cable, any place is at rest
-
-
-def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Let what hangs on a vehicle hang still, at the vehicle's place and attitude; or TrimError.
-
-    Forces of springs and gravity count, those of constraints don't.
-    """
-    if not (dofs := slung_dofs(model)).size:
-        return
-    trial = mujoco.MjData(model)
-
-    def forces(by: NDArray[np.floating]) -> NDArray[np.float64]:
-        trial.qpos[:], moved = data.qpos, np.zeros(model.nv)
-        moved[dofs] = by
-        mujoco.mj_integratePos(model, trial.qpos, moved, 1.0)
-        mujoco.mj_fwdPosition(model, trial)
-        mujoco.mj_fwdVelocity(model, trial)
-        return (trial.qfrc_passive - trial.qfrc_bias)[dofs]
-
-    ways = _TURN * np.eye(dofs.size)
-    for _ in range(_TURNS):
-        slopes = np.column_stack([forces(way) - forces(-way) for way in ways]) / (2.0 * _TURN)
-        left = forces(0.0 * dofs)
-        step = np.linalg.lstsq(slopes, -left, rcond=_NEUTRAL)[0]
-        forces(step)
-        data.qpos[:] = trial.qpos
-        balanced = np.abs(left).max() < _LEFT * np.abs(trial.qfrc_bias).max()
-        if balanced and np.abs(step).max() < _AT_REST:
-            return
-    raise TrimError(
-        "the slung load finds no place where it hangs still; draw it as it hangs, its cable taut, "
-        "and carry it by joints or by tendons with a stiffness"
-    )
 
 
 _RESIDUAL = 1e-9  # greatest acceleration left, m/s^2 and rad/s^2

@@ -15,9 +15,10 @@ from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
 from helisim.records.record import IN2, RATES
+from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import write_gyro_filters
 from helisim.vehicle.swashplate import PLATE, as_it_is
-from helisim.vehicle.trim import addresses, gyro_integrals
+from helisim.vehicle.trim import gyro_integrals
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle

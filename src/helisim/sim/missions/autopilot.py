@@ -16,8 +16,9 @@ from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.sim.gains import on_law
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import root_body
 from helisim.vehicle.law import trimmed_sticks
-from helisim.vehicle.trim import Motion, Trim, root_body
+from helisim.vehicle.trim import Motion, Trim
 
 _ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
 """rad/s, at which the loops of attitude, velocity and position cross over."""

@@ -41,7 +41,8 @@ from helisim.sim.limits import point_heights
 from helisim.sim.missions.autopilot import Autopilot, OuterLoop, Sight
 from helisim.sim.recorder import Script, Trajectory
 from helisim.vehicle import Vehicle
-from helisim.vehicle.trim import Motion, Trim, addresses
+from helisim.vehicle.addresses import addresses
+from helisim.vehicle.trim import Motion, Trim
 
 MISSIONS: dict[str, type["Mission"]] = {}
 """Every mission by the name of its class; subclasses join on their definition."""
