@@ -53,10 +53,18 @@ def _scaled(
     vehicle: Vehicle, sticks: tuple[float, ...], velocity: float, position: float, height: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     own, law = (one.linearize("IN2") for one in (vehicle.with_controller(GYRO), vehicle))
-    given, par = np.array(sticks), vehicle.model.actuator_user[addresses(vehicle.model).rotor]
-    pitch, roll = par[PARAM.gyro_q_per_lon], par[PARAM.gyro_p_per_lat]
-    rates = np.abs([pitch, roll, par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]] * given[1:])
-    at = [height, *rates, velocity * float(np.linalg.norm(vehicle.model.opt.gravity))]
+    par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
+    given, grows = np.array(sticks), np.inf
+    rates = [
+        par[PARAM.gyro_q_per_lon],
+        par[PARAM.gyro_p_per_lat],
+        par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a],
+    ]
+    at = [
+        height,
+        *np.abs(rates * given[1:]),
+        velocity * float(np.linalg.norm(vehicle.model.opt.gravity)),
+    ]
     (before, wanted), (after, reached) = (_responses(one, at) for one in (own, law))
     after, reached = (np.where(a == 0.0, b, a) for a, b in ((after, before), (reached, wanted)))
     turned = after / before  # an attitude leads its rate by up to 90 deg
