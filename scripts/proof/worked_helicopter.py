@@ -1,0 +1,187 @@
+"""Prouty's worked helicopter, 20,000 lb, flown: trim, derivatives and roots in hover and at 115 kn.
+
+worked_helicopter.toml has his inputs, what he prints, and explanations of differences above 15 %.
+To try one, the model flies with parameters switched, rows are weighted as it says, or roots are
+those of his derivatives. The book is a calculation, and contradicts itself in places.
+
+    python scripts/proof/worked_helicopter.py
+"""
+
+import copy
+import re
+import shutil
+import textwrap
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from helisim.base.files import read_toml
+from helisim.physics.layout import PARAM
+from helisim.physics.native import installed
+from helisim.vehicle import Linearization, Vehicle, load
+from helisim.vehicle.calibrate import flapping_of
+from helisim.vehicle.parameters import model_folder
+from helisim.vehicle.trim import addresses, place
+
+TABLE = read_toml(Path(__file__).with_suffix(".toml"))
+PRINTED, TRIED = TABLE["printed"], TABLE["tried"]
+OWN = {f"{part}.{key}": v for part, some in TABLE["vehicle"].items() for key, v in some.items()}
+POUND, FOOT, HORSEPOWER, GRAVITY = 4.4482216, 0.3048, 745.69987, 9.81
+KNOTS = {"hover": 0.0, "60 kn": 60.0, "115 kn": 115.0}
+MASS = TABLE["weight"] * POUND / GRAVITY
+CLOSE, SMALL, HALF_A_DEGREE = 0.15, 0.05, np.radians(0.5)  # as of full_scale.py
+CONTROLS = {  # stick, and parameter of the radians of a unit of it, with its sign
+    "theta_0": ("col", "main_rotor.pitch_range", 1.0),
+    "A_1": ("lat", "geometry.cyclic_range", 1.0),
+    "B_1": ("lon", "geometry.cyclic_range", -1.0),
+    "theta_0T": ("ped", "tail_rotor.pitch_range", -1.0),
+}
+AXES = dict(zip("XYZLMN", "uvwpqr"))
+PUSH = {**dict.fromkeys("uvw", 1.0 / FOOT), **dict.fromkeys("pqr", 0.1)}
+PUSH |= dict.fromkeys(CONTROLS, 0.01)
+
+
+class Flight(NamedTuple):
+    """Figures by name in his units, and the linear model; scales: of its slopes to his."""
+
+    figures: dict[str, float]
+    linear: Linearization
+    scales: dict[str, float]
+
+
+@cache
+def flights(changes: tuple[tuple[str, float], ...] = ()) -> dict[str, Flight]:
+    own = {**OWN, **dict(changes)}
+    own |= flapping_of(own).to_parameters()
+    with TemporaryDirectory() as at:
+        folder = shutil.copytree(model_folder("lynx"), Path(at) / "example")
+        path = folder / "lynx.xml"  # of which one body is left, with all the mass
+        text = re.sub(r' mass="[1-9]\d*"| *<inertial pos="0 0 0".*', "", path.read_text())
+        body = f'<inertial pos="0 0 0" mass="{MASS}" full'
+        path.write_text(re.sub('<inertial pos=".*" full', body, text))
+        vehicle = load(folder, parameters=own)
+    found = {}
+    for name, knots in KNOTS.items():
+        vehicle = vehicle.trimmed(speed=knots * 1852.0 / 3600.0)  # each from the one before
+        figures, linear, scales = derived(vehicle)
+        figures |= trim_of(vehicle) | roots(linear.a, linear.states)
+        found[name] = Flight(figures, linear, scales)
+    return found
+
+
+def pushed(vehicle: Vehicle, **changes: float) -> tuple[Any, Any]:
+    """Return the force, lb, in MuJoCo's axes with other numbers of the force laws; and the data."""
+    model = copy.copy(vehicle.model)
+    for name, value in changes.items():
+        model.actuator_user[addresses(model).rotor, getattr(PARAM, name)] = value
+    data = mujoco.MjData(model)
+    place(model, data, vehicle.trim)
+    with installed():
+        mujoco.mj_forward(model, data)
+    return MASS / POUND * data.qacc[:3], data
+
+
+def trim_of(vehicle: Vehicle) -> dict[str, float]:
+    own, trim, (_, data) = vehicle.parameters, vehicle.trim, pushed(vehicle)
+    thrust, torque, _, tail, _ = data.sensor("rotor").data
+    pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * trim.col
+    return {
+        **{"one": 1.0, "theta": trim.theta, "phi": trim.phi, "a_1s": trim.a, "b_1s": trim.b},
+        **{"T_M": thrust / POUND, "Q_M": torque / POUND / FOOT, "T_T": tail / POUND},
+        "theta_0": pitch - 0.75 * own["main_rotor.twist"],
+        "B_1 + a_1s": trim.a - own["geometry.cyclic_range"] * trim.lon,
+        "alpha_TPP": trim.theta + trim.a,
+        "L_H": -float(pushed(vehicle, tailplane_area=0.0)[0][2]),
+        "L_V": float(pushed(vehicle, fin_area=0.0)[0][1]),
+        "main_hp": vehicle.main_power / HORSEPOWER,
+    }
+
+
+def derived(vehicle: Vehicle) -> Flight:
+    own, linear = vehicle.parameters, vehicle.linearize("IN1").rigid_body()
+    ahead, down = vehicle.trim.motion.u, vehicle.trim.motion.w
+    kinematics = {"X_q": -down, "Z_q": ahead, "Y_p": down, "Y_r": -ahead}
+    found, scales = {}, {}
+    inertia = dict.fromkeys("XYZ", MASS)
+    inertia |= {a: own[f"airframe.i{i}"] / FOOT for a, i in zip("LMN", ("xx", "yy", "zz"))}
+    for axis, rate in AXES.items():
+        for cause in (*"uvwpqr", *CONTROLS):
+            state, name, sign = CONTROLS.get(cause, (cause, "", 1.0))
+            per = sign * own[name] if name else 1.0 / FOOT if cause in "uvw" else 1.0
+            one = f"{axis}_{cause}"
+            scales[one] = inertia[axis] / POUND / per
+            found[one] = scales[one] * (linear.derivative(rate, state) - kinematics.get(one, 0.0))
+    return Flight(found, linear, scales)
+
+
+def roots(a: Any, states: tuple[str, ...]) -> dict[str, float]:
+    def of(*some: str) -> Any:
+        kept = [states.index(one) for one in some]
+        return np.sort_complex(np.linalg.eigvals(a[np.ix_(kept, kept)]))
+
+    pitch, heave, *_, phugoid = of("u", "w", "q", "theta")
+    (roll, *_, lateral), every = of("v", "p", "phi"), of(*states)
+    periods = [2.0 * np.pi / one.imag if one.imag else np.inf for one in (phugoid, lateral)]
+    return {
+        **{"root, pitch": pitch.real, "root, heave": heave.real, "root, roll": roll.real},
+        **{"root, yaw": of("r")[0].real, "phugoid, growth": phugoid.real},
+        **{"phugoid, s": periods[0], "lateral, s": periods[1], "frequency 4": every[3].imag},
+        **{f"root {k}": one.real for k, one in enumerate(every, 1)},
+    }
+
+
+def tried(one: dict[str, Any], flight: str, name: str) -> float:
+    """Return what an explanation makes of a row."""
+    figures, linear, scales = flights(tuple(one.get("switch", {}).items()))[flight]
+    if "prints" not in one:
+        weights = one["rows"][name]
+        return sum(weight * figures[row] for row, weight in weights.items())
+    a, states = linear.a.copy(), linear.states
+    for row in (row for row in PRINTED[flight] if row in scales and row[2:] in states):
+        at = states.index(AXES[row[0]]), states.index(row[2:])
+        a[at] += (PRINTED[flight][row] - figures[row]) / scales[row]
+    return roots(a, states)[name]
+
+
+def small(flight: str, name: str) -> float:
+    """Return the difference of a row that is nobody's matter."""
+    axis, _, cause = name.partition("_")
+    if cause not in PUSH:
+        return HALF_A_DEGREE if name[:2] in ("th", "ph", "a_", "b_", "B_", "al") else 0.0
+    same = [row for row in PRINTED[flight] if row[0] == axis and row[2:] in PUSH]
+    return SMALL * max(abs(PRINTED[flight][row]) * PUSH[row[2:]] for row in same) / PUSH[cause]
+
+
+def verdict(flight: str, name: str) -> str:
+    """Return "" for a row within 15 %, "." for a small difference, a letter, or "?"."""
+    printed, least = PRINTED[flight][name], small(flight, name)
+    off = abs(flights()[flight].figures[name] - printed)
+    if off <= max(least, CLOSE * abs(printed)):
+        return "" if off <= CLOSE * abs(printed) else "."
+    for one in (one for one in TRIED if one["flight"] == flight and name in one["rows"]):
+        if abs(tried(one, flight, name) - printed) <= max(least, CLOSE * abs(printed)):
+            return one["letter"]
+    return "?"
+
+
+def main() -> None:
+    for flight, rows in PRINTED.items():
+        print(f"{flight:<18}{'printed':>12}{'model':>12}{'off, %':>9}")
+        for name, printed in rows.items():
+            found = flights()[flight].figures[name]
+            off = f"{100.0 * found / printed - 100.0:9.0f} {verdict(flight, name)}"
+            print(f"{name:<18}{printed:>12.5g}{found:>12.5g}{off}".rstrip())
+        print()
+    print(f"Without a sign: within {100.0 * CLOSE:.0f} %; . small; ? unexplained.")
+    print("L_v, M_theta_0T and lateral of the hover have the signs of his own equations.")
+    words = {one["letter"]: one["words"] for one in TRIED if "words" in one}
+    for letter, text in words.items():
+        print(textwrap.fill(f"{letter}  {text}", 88, subsequent_indent="   "))
+
+
+if __name__ == "__main__":
+    main()
