@@ -185,6 +185,9 @@ def test_a_short_proof_has_the_exact_figures_of_what_it_swept(short):
     assert whole.unknown == {"flown": "responses that were measured have no poles"}
     assert lat.unknown["flown"].startswith("nothing was injected into lat at actuators")
     assert [record.duration for (record,) in short.sweeps.values()] == [26.0, 26.0]
+    asked = [one for one in short.table if one.spec.kind in ("hard", "soft")]
+    level_1 = all((one.flown or one.exact).level == 1 for one in asked)
+    assert short.to_dict()["met"] is level_1
 
 
 def test_events_of_a_proof_are_steps_from_rest_and_one_gust_with_both_laws(short):

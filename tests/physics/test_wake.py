@@ -43,7 +43,8 @@ def test_in_a_hovers_wake_each_radius_has_its_own_load(depth):
 def test_far_behind_a_fast_rotor():
     """Twice the disc's, as behind a wing: between the two halves of the tube."""
     tilt = 0.01
-    assert downwash(-20.0, 20.0 * tilt, 0.5 * math.pi - tilt) == pytest.approx(2.0, rel=0.02)
+    # less what the tube's near end leaves at a distance x, 1 / (2 x)^2
+    assert downwash(-20.0, 20.0 * tilt, 0.5 * math.pi - tilt) == pytest.approx(2.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("place", [(-1.17, 0.365), (-0.8, 0.3), (-1.2, -0.1)])
@@ -60,6 +61,7 @@ def test_the_polynomial_is_the_integrals(place):
     expected = loaded_downwash(*place, skews, radius=tube, core=0.1)
     off = np.abs(found - expected)
     edge = np.abs(np.gradient(expected, skews)) > 1.5  # 1/rad
+    # the edge is rounded off: by 0.29 nearest to the hub, 0.15 at the JR700's tail (docs/limits.md)
     assert off[~edge].max() < 0.3
     assert np.median(off) < 0.08
 

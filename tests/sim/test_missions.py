@@ -133,14 +133,16 @@ def test_take_off_hover_and_landing(jr700):
     assert reached.touch_down.ground_speed < 0.3
     assert np.any(flight.contact[-1] != 0.0)
     assert flight.ground == hs.Ground(parked=True)
-    assert -flight.positions[:, 2].min() == pytest.approx(2.1, abs=0.3)
+    # the IMU stands 0.08 m up; hovering for a second it is still 0.13 m short, twice that
+    assert -flight.positions[:, 2].min() == pytest.approx(2.08, abs=0.26)
 
 
 def test_another_vehicle_flies_them_too():
+    """Bounds: twice what is found, as above."""
     reached, flight = flown(hs.load("blade360"), hs.missions.Forward(speed=6.0, cruise=1.0))
     assert reached.finished
-    assert np.hypot(*flight.positions[-1, :2]) < 1.0
-    assert np.ptp(flight.positions[:, 2]) < 1.0
+    assert np.hypot(*flight.positions[-1, :2]) < 0.5
+    assert np.ptp(flight.positions[:, 2]) < 0.9
 
 
 def test_a_record_says_what_was_flown_and_reached(jr700):

@@ -39,6 +39,7 @@ def test_full_cyclic_stops_at_its_limit():
     """H_CYC_MAX 2500 lets a servo move by 250 us (wiki: swashplate setup, H_CYC_MAX of 4500)."""
     pulses = Mixer(ANYWHERE).exact({"lon": 1.0, "col": 0.5})
     assert pulses[1] - 1500.0 == pytest.approx(250.0)
+    assert Mixer({**ANYWHERE, "H_SW_COL_DIR": 1.0}).exact({"col": 1.0})[1] == 1500.0 - 333.0
     reversed_one = Mixer({**ANYWHERE, "SERVO1_REVERSED": 1.0})
     assert reversed_one.exact({"lon": 1.0, "col": 0.5})[1] - 1500.0 == pytest.approx(-250.0)
 

@@ -187,6 +187,8 @@ def test_what_a_model_does_not_know_is_said():
     assert "ATC_RAT_RLL_P" not in made.values
     assert any("no gains of roll" in one for one in made.remarks)
     assert any("no gains of height" in one for one in made.remarks)
+    lifted = hs.sitl.parameters.parameters_for("jr700", Gain(), of_autopilot=True, lift=20.0)
+    assert lifted.values["PSC_ACCZ_P"] == pytest.approx(9.80665 / 20.0, rel=1e-4)  # four digits
     with pytest.raises(InputError, match="no axis can be tuned: the model goes from col to w, az"):
         tune(Heave(), np.eye(4))
 
