@@ -106,13 +106,14 @@ def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
         command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
         command += ["--json", str(model)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode > 1:  # 1 is a fit that it finds no good
+        if done.returncode not in (0, 1, 3):  # 1 and 3 are fits that it finds wrong or doubtful
             sys.exit(done.stderr.strip())
         fits = [load_fit(path) for path in sorted(model.parent.glob("*.json"))]
     return {
         name: (one.value, one.cramer_rao, one.standard_error, one.definition.unit)
         for fit in fits
         for name, one in fit.parameters.items()
+        if not one.definition.fixed  # assumed, not found
     }
 
 

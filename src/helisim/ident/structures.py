@@ -201,7 +201,7 @@ yaw_alone = _built(
     "as yaw_base, where nothing tells the sideslip: by how much of it N_r seems too large is "
     "taken as 0 +- 0.12",
     "N_r N_ped sideslip tau_r_base",
-    # 0.22 of the JR700 swept from 1.3 rad/s, 0.07 well above its lateral mode
+    # 0.19 of the JR700 swept from 1.3 rad/s, less well above its lateral mode
     Parameter("sideslip", "1", 0.0, None, "share of N_r that sideslip feigns", 0.1, True, 0.12),
     like=yaw_base,
     F={"r": {"r": "N_r*(1 + sideslip)"}},
