@@ -45,6 +45,7 @@ def test_a_step_is_what_flies(jr700, exact):
     step = Step(axis="ped", amplitude=0.002, trim_time=0.1, duration=1.0)
     plan = FlightPlan(excitation=step, pilot=Pilot(remnant=0.0))
     flown = next(simulate(hands_off(jr700), plan, jobs=1))
+    assert not np.ptp(flown.sticks[:, [1, 2]], axis=0).any()  # hands off: col alone, and the step
     found = exact.step("ped", size=0.002, duration=0.8)
     first = int(np.searchsorted(flown.time, 0.1 - 1e-9))
     rate = flown.rates[first : first + found.time.size, 2] - flown.rates[0, 2]

@@ -213,9 +213,10 @@ def test_a_model_that_blocks_what_it_should_follow_is_said_so():
         lqg(model, (Tracked(output="p", stick="LAT", **RATE),))
 
 
-def test_a_size_is_above_0():
+@pytest.mark.parametrize("what", ["output", "effort", "disturbance", "noise"])
+def test_a_size_is_above_0(what):
     with pytest.raises(InputError, match="phi must be a number above 0"):
-        LqgWeights(noise={"phi": 0.0})
+        LqgWeights(**{what: {"phi": 0.0}})
 
 
 def test_model_must_be_sampled_and_late_by_a_tick():
