@@ -18,6 +18,7 @@ from helisim.sitl.mixing import Mixer
 from helisim.sitl.process import Autopilot
 from helisim.sitl.session import fly_script, script_of
 from helisim.sitl.systemid import sweeps
+from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
 from parm_file import parm_file
 from script import SCRIPTS, loaded
@@ -289,11 +290,11 @@ def flown_jr700(proof):
     return proof.exact_plant(parameters, 0.5, 0.0025), ArduCopterLaw.of(parameters)
 
 
-def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700, jr700):
+def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700):
     """Held for a tick; a full roll is 0.675 of the vehicle's lat; the tail's pulses wait a tick."""
     plant, _ = flown_jr700
     frequency = np.array([1.0, 10.0, 60.0])
-    system = jr700.linearize().system
+    system = load("jr700", parameters={"drive.governor": "motor"}).linearize().system
     own = system.sample(0.0025)(np.exp(0.0025j * frequency))
     found = plant.response(frequency)
     late = {"ped": np.exp(-0.0025j * frequency)}
@@ -301,9 +302,7 @@ def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700, jr700
         row, column = system.output_labels.index(rate), system.input_labels.index(axis)
         true = scale * own[row, column] * late.get(axis, 1.0)
         here = found[plant.outputs.index(rate), COMMANDS.index(axis)]
-        # it flies with its motor, which the tail feels: 0.7 dB at 60 rad/s
-        near = {"rel": 1e-3} if axis != "ped" else {"rel": 0.09}
-        assert here == pytest.approx(true, **near)
+        assert here == pytest.approx(true, rel=1e-3)
     assert set(plant.inputs) < set(IN1)
 
 
