@@ -100,7 +100,8 @@ def test_states_need_room(jr700):
 
     controller = Controller(remembers, states=40)
     model = copy.copy(jr700.model)
-    says = r'has 40 states and the model has room for 8.*actdim="122"'
+    room = model.actuator_actnum[addresses(model).rotor] + 2 * (40 - 8)
+    says = rf'has 40 states and the model has room for 8.*actdim="{room}"'
     with pytest.raises(ModelError, match=says):
         hs.set_controller(model, controller)
     vehicle = jr700.with_controller(controller)
