@@ -38,6 +38,7 @@ from helisim.ident import Verification as Verification
 from helisim.ident import blocks as blocks
 from helisim.ident import frequency_response as frequency_response
 from helisim.ident import identify as identify
+from helisim.ident import identify_records as identify_records
 from helisim.ident import in_series as in_series
 from helisim.ident import load_fit as load_fit
 from helisim.ident import structures as structures

@@ -198,6 +198,24 @@ def test_estimator_and_bounds_are_the_users(tmp_path, swept):
     assert free["Z_w"].definition.limits == (-np.inf, -0.4)
 
 
+def test_short_records_are_fitted_by_their_likelihood(tmp_path, capsys):
+    """A doublet of 8 s needs no option; what is of spectral estimates is refused beside it."""
+    time, inputs, outputs = flown(structures.heave, HEAVE, "col", 9, duration=8.0, noise=0.01)
+    path = tmp_path / "short.csv"
+    headings = ["t [s]", "col [1]", "w [m/s]"]
+    write_foreign(path, headings, time, [*inputs.T, *outputs.T], delimiter=",")
+    fit = fitted(tmp_path, [path], structure="heave")
+    assert fit.data.estimator == "likelihood"
+    assert "Fourier transforms" in capsys.readouterr().out
+    for name, value in HEAVE.items():  # three stated errors
+        assert abs(fit[name].value - value) < 3.0 * fit[name].standard_error
+    local = fitted(tmp_path, [path], "--estimator", "local", structure="heave")
+    assert local.data.estimator == "local"
+    capsys.readouterr()
+    words = ["--structure", "heave", "--estimator", "likelihood", "--responses", "w/col"]
+    assert "--responses: the likelihood is of all" in fails(capsys, "identify", path, *words)
+
+
 def test_what_is_known_from_a_bench_carries_its_error(tmp_path, swept):
     path = swept()
     exact = fitted(tmp_path, [path], "--fix", "Z_w=-0.8", structure="heave")

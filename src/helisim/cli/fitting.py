@@ -17,6 +17,7 @@ from helisim.cli.logs import (
     located,
     read_logs,
     read_options,
+    read_roles,
     records_of,
     reports,
     resolved_band,
@@ -52,6 +53,7 @@ class Work(NamedTuple):
     band: Band | None = None
     said: str = ""
     label: str = ""
+    fit: "Fit | None" = None
 
 
 def identify(o: Options) -> int:
@@ -115,8 +117,44 @@ def _asked(o: Options) -> Work:
     structure = _adapted(o, find_structure(o.structure, o.inputs, o.outputs))
     inputs, outputs = o.inputs or structure.inputs, o.outputs or structure.outputs
     with progress(len(o.logs) + 1, o.quiet) as advance:
-        logs, response = estimate(o, inputs, outputs, advance)
-    return Work(structure, logs, response, said=describe(logs))
+        logs = read_roles(o, inputs, outputs, advance)
+        fit = _likely(o, structure, logs)
+        response = fit.data if fit else estimate(logs, o, inputs, outputs, advance)
+    return Work(structure, logs, response, said=describe(logs), fit=fit)
+
+
+def _likely(o: Options, structure: "Structure", logs: "Sequence[Log]") -> "Fit | None":
+    """Return the fit to the records themselves; None where a spectral estimate is to be fitted.
+
+    Raises InputError for options that are of a spectral estimate.
+    """
+    from helisim.ident.likelihood import falls_short, identify_records
+
+    records = records_of(logs)
+    own = {"inputs": structure.inputs, "outputs": structure.outputs}
+    spectral = [
+        f"--{name}"
+        for name in ("inputs", "outputs", "conditioning", "reference", "responses")
+        if getattr(o, name) and {*getattr(o, name)} != {*own.get(name, ())}
+    ]
+    if o.estimator != "likelihood" and (
+        o.estimator or spectral or not falls_short(records, o.band)
+    ):
+        return None
+    if spectral:
+        raise InputError(
+            f"{', '.join(spectral)}: the likelihood is of all inputs and outputs of the structure, "
+            "and of no others; leave that out, or take another structure or --estimator local"
+        )
+    with progress(None, o.quiet, unit="search") as advance, located(logs):
+        return identify_records(
+            records,
+            structure,
+            band=o.band and tuple(o.band),
+            searches=o.searches,
+            use_ended=o.use_ended,
+            on_progress=advance,
+        )
 
 
 def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> int:
@@ -125,7 +163,9 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
 
     logs, frf = work.logs, work.response
     with progress(None, o.quiet, unit="search") as advance, located(logs):
-        fit = identify(frf, work.structure, band=work.band, on_progress=advance, **_search(o))
+        fit = work.fit or identify(
+            frf, work.structure, band=work.band, on_progress=advance, **_search(o)
+        )
     print(work.said)
     low, high = frf.frequency[[0, -1]]
     how = ", ".join(filter(None, (fit.method, frf.estimator)))
@@ -245,7 +285,7 @@ def _inferred_work(o: Options) -> list[Work]:
         bands = [tuple(o.band or (max(fit.band[0], least), fit.band[1])) for fit in fits]
         fits = tuple(replace(fit, band=band) for fit, band in zip(fits, bands))
         with located(logs):
-            responses = estimate_fits(records, fits, o.estimator)
+            responses = estimate_fits(records, fits, o.estimator or "local")
         advance("frequency responses")
     works, used = [], []
     for fit, structure, response in zip(fits, structures, responses):

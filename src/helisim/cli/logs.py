@@ -120,25 +120,35 @@ def given_columns(options: Options) -> "Map":
         raise InputError(f"--channel: {error}") from None
 
 
-def estimate(
+def read_roles(
     options: Options,
     inputs: Sequence[str],
     outputs: Sequence[str],
     advance: Callable[[str], None],
-) -> "tuple[tuple[Log, ...], FrequencyResponse]":
-    """Return the logs and their frequency response, whose flags say what to doubt.
+) -> "tuple[Log, ...]":
+    """Return the logs with inputs, outputs, and what else options say of an estimate."""
+    told = [name for name in options.reference if name != "none"]
+    wanted = (*inputs, *options.conditioning, *told, *outputs)
+    return read_logs(options, tuple(dict.fromkeys(wanted)), advance, moving=True)
+
+
+def estimate(
+    logs: "Sequence[Log]",
+    options: Options,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    advance: Callable[[str], None],
+) -> "FrequencyResponse":
+    """Return the frequency response of logs, whose flags say what to doubt.
 
     Where the inputs' sticks are recorded and excite them, they are the reference.
     """
     from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
 
     others = {"conditioning": options.conditioning, "reference": options.reference}
-    told = [name for name in others["reference"] if name != "none"]
-    wanted = tuple(dict.fromkeys((*inputs, *others["conditioning"], *told, *outputs)))
     with warnings.catch_warnings():
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
-        logs = read_logs(options, wanted, advance, moving=True)
         records = records_of(logs)
         low, high = options.band or resolved_band(records)
         if not others["reference"]:
@@ -153,14 +163,14 @@ def estimate(
                 band=(low, high),
                 **others,
                 use_ended=options.use_ended,
-                estimator=options.estimator,
+                estimator=options.estimator or "local",
             )
         advance("frequency responses")
     if response.direct and not options.reference:
         joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
         if joint < _AS_COHERENT * direct:  # the sticks are not what excites
             response = replace(response.direct, evidence=response.evidence)
-    return logs, response
+    return response
 
 
 def _sticks(records: "Sequence[FlightRecord]", inputs: Sequence[str]) -> tuple[str, ...]:
@@ -219,7 +229,8 @@ def frf(o: Options) -> int:
     from helisim.show.tables import usable_bands
 
     with progress(len(o.logs) + 1, o.quiet) as advance:
-        logs, frf = estimate(o, o.inputs, o.outputs, advance)
+        logs = read_roles(o, o.inputs, o.outputs, advance)
+        frf = estimate(logs, o, o.inputs, o.outputs, advance)
     print(f"{describe(logs)}\n")
     print("\n".join((as_text(usable_bands(frf)), *frf.flags)))
     if o.json is not None:

@@ -268,7 +268,8 @@ how to read the logs:
 --to/to_time S  leave out what is after
 """,
     "estimator": """
---estimator NAME <=local>  local polynomial (default), or windows: CIFER's composite
+--estimator NAME  local polynomial (default), or windows: CIFER's composite; of identify also
+    likelihood, the records' own transforms (default where all are shorter than 20 s)
 """,
 }  # Options that several commands have, and texts below them, by the names that docstrings say
 

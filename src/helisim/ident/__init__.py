@@ -11,6 +11,7 @@ from helisim.ident.frf import (
     RecordQualityWarning,
     frequency_response,
 )
+from helisim.ident.likelihood import identify_records
 from helisim.ident.modes import Mode, Modes
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.result import Fit, load_fit
@@ -37,6 +38,7 @@ __all__ = [
     "blocks",
     "frequency_response",
     "identify",
+    "identify_records",
     "in_series",
     "load_fit",
     "structures",

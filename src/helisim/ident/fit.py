@@ -1,7 +1,7 @@
 """Fits a structure to frequency responses, as NAVFIT and DERIVID do."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -9,8 +9,8 @@ import numpy as np
 from helisim.base.note import Note
 from helisim.base.settings import Limits, convert
 from helisim.ident import diagnosis
-from helisim.ident.bounds import accuracy
-from helisim.ident.cost import Band, Cost, select
+from helisim.ident.bounds import Accuracy, accuracy
+from helisim.ident.cost import Band, Cost, Real, select
 from helisim.ident.diagnosis import degenerate, misfit
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse
@@ -78,23 +78,6 @@ def identify(
         lambda of, end: float(np.sum(of.standardised(end.x) ** 2)) if standardised else end.cost,
         lambda of: fitted(of, min(searches, _OF_LOWER_ORDER))[0],
     )
-    parameters = {
-        one.name: FittedParameter(one, one.start, 0.0, 0.0, one.error, at_bound=False)
-        for one in structure.parameters
-    }
-    for k, one in enumerate(structure.free):
-        value, (low, high) = float(best.x[k]), one.limits
-        edge = _AT_BOUND * (high - low) if math.isfinite(high - low) else 1e-12
-        parameters[one.name] = FittedParameter(
-            one,
-            value,
-            float(quality.cramer_rao[k]),
-            float(quality.insensitivity[k]),
-            float(quality.standard_error[k]),
-            min(value - low, high - value) <= edge,
-            one.name in collapsed,
-            float(quality.structural[k]),
-        )
     options = {
         "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
         "responses": responses,
@@ -105,7 +88,7 @@ def identify(
     }
     return Fit(
         structure=structure,
-        parameters=parameters,
+        parameters=fitted_parameters(structure, best.x, quality, collapsed),
         correlation=quality.correlation,
         covariance=quality.covariance,
         carried=quality.carried,
@@ -122,3 +105,27 @@ def identify(
         data=frf,
         options=plain(options),
     )
+
+
+def fitted_parameters(
+    structure: Structure, x: Real, quality: Accuracy, collapsed: Collection[str] = ()
+) -> dict[str, FittedParameter]:
+    """Return all parameters by name for the free ones x, (n_free,); `collapsed` are degenerate."""
+    parameters = {
+        one.name: FittedParameter(one, one.start, 0.0, 0.0, one.error, at_bound=False)
+        for one in structure.parameters
+    }
+    for k, one in enumerate(structure.free):
+        value, (low, high) = float(x[k]), one.limits
+        edge = _AT_BOUND * (high - low) if math.isfinite(high - low) else 1e-12
+        parameters[one.name] = FittedParameter(
+            one,
+            value,
+            float(quality.cramer_rao[k]),
+            float(quality.insensitivity[k]),
+            float(quality.standard_error[k]),
+            min(value - low, high - value) <= edge,
+            one.name in collapsed,
+            float(quality.structural[k]),
+        )
+    return parameters

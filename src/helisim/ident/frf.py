@@ -80,14 +80,8 @@ def frequency_response(
         (names,) if isinstance(names, str) else tuple(names or ())
         for names in (inputs, outputs, conditioning, reference)
     )
-    _check_names(flights, wanted, measured, others, references)
-    if not use_ended:
-        refuse_truncated(flights)
-    _check_band(flights, band)
-    driving = (*wanted, *others, *references)
-    signals = tuple(dict.fromkeys((*driving, *measured)))
-    _check_motion(flights, driving, "input")
-    _check_motion(flights, measured, "output")
+    check_records(flights, wanted, measured, others, references, band=band, use_ended=use_ended)
+    signals = tuple(dict.fromkeys((*wanted, *others, *references, *measured)))
     check_known("estimator", [estimator], ESTIMATORS)
     durations = [len(flight) * flight.sample_time for flight in flights]
     lengths = window_lengths(durations, band)
@@ -99,7 +93,7 @@ def frequency_response(
         else Windows(flights, signals, frequency, lengths)
     )
     cross = method.cross_control((*wanted, *others))
-    flags = _warned(_faults(flights, signals), RecordQualityWarning)
+    flags = _warned(faults(flights, signals), RecordQualityWarning)
     flags += _warned(_coherent(cross, (*wanted, *others), frequency), CrossControlWarning)
     if references:
         between = method.cross_control(references)
@@ -191,6 +185,26 @@ def _coherent(
                 yield f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}"
 
 
+def check_records(
+    flights: Sequence[FlightRecord],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    others: Sequence[str] = (),
+    references: Sequence[str] = (),
+    *,
+    band: tuple[float, float] | None,
+    use_ended: bool,
+) -> None:
+    """Raise InputError or IdentificationError where records, names or band allow no estimate."""
+    _check_names(flights, inputs, outputs, others, references)
+    if not use_ended:
+        refuse_truncated(flights)
+    if band is not None:
+        _check_band(flights, band)
+    _check_motion(flights, (*inputs, *others, *references), "input")
+    _check_motion(flights, outputs, "output")
+
+
 def _check_names(
     flights: Sequence[FlightRecord],
     inputs: Sequence[str],
@@ -261,7 +275,8 @@ def refuse_truncated(flights: Sequence[FlightRecord]) -> None:
         )
 
 
-def _faults(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[str]:
+def faults(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[str]:
+    """Yield spikes, frozen runs and stops of records' channels, in words."""
     for number, flight in enumerate(flights, start=1):
         for channel in flight.channels:
             if channel.name in names:

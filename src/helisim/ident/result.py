@@ -106,6 +106,11 @@ class Fit(Value, Displayed):
         if found and len(self.costs) > _FEW_RESPONSES:
             found = replace(found, zeros={}, gains={})
         lines += [str(found), ""] if found and found.poles else []
+        if count := self.options.get("lines"):
+            lines.append(
+                f"by maximum likelihood on the records' Fourier transforms, {count} lines; J is of "
+                "the model beside what of the residuals moves with the inputs"
+            )
         for name, cost in self.costs.items():
             low, high = self.bands[name]
             left = f"; {self.misfit.words(name)}" if self.misfit else ""

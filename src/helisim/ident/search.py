@@ -98,7 +98,7 @@ def descend(cost: Cost, start: Start) -> Minimum:
     """Descend from a start to a minimum of J: first by relative errors, then by J."""
     best = Minimum(_approach(cost, start.x, _APPROACH_STEPS), math.inf, False, start)
     for unwrap in (True, False):
-        end = _minimum(cost, partial(cost.log, unwrap=unwrap), cost.log_jacobian, best.x)
+        end = minimum(cost.limits, partial(cost.log, unwrap=unwrap), cost.log_jacobian, best.x)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
         if wrapped < best.cost:
             best = Minimum(end.x, wrapped, end.status > 0, start)
@@ -109,17 +109,17 @@ def descend(cost: Cost, start: Start) -> Minimum:
 
 def refine(cost: Cost, best: Minimum) -> Minimum:
     """Descend from a minimum of J to the one weighed by each point's own error."""
-    end = _minimum(cost, cost.standardised, cost.standardised_jacobian, best.x)
+    end = minimum(cost.limits, cost.standardised, cost.standardised_jacobian, best.x)
     wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
     return Minimum(end.x, wrapped, best.converged and end.status > 0, best.start)
 
 
 def _approach(cost: Cost, x: Real, steps: int) -> Real:
-    return _minimum(cost, cost.relative, cost.relative_jacobian, x, 1e-4, 1e-8, steps).x
+    return minimum(cost.limits, cost.relative, cost.relative_jacobian, x, 1e-4, 1e-8, steps).x
 
 
-def _minimum(
-    cost: Cost,
+def minimum(
+    limits: Real,
     residual: Callable[[Real], Real],
     jacobian: Callable[[Real], Real],
     origin: Real,
@@ -127,7 +127,8 @@ def _minimum(
     gradient: float = 1e-10,
     steps: int = 300,
 ) -> OptimizeResult:
-    low, high = cost.limits
+    """Descend from `origin`, (n_free,), by least squares within `limits`, (2, n_free)."""
+    low, high = limits
     margin = np.where(np.isfinite(high - low), 1e-9 * (high - low), 0.0)
     return least_squares(
         residual,

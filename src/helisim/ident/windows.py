@@ -343,7 +343,8 @@ def window_lengths(durations: Sequence[float], band: tuple[float, float]) -> tup
             f"records too short for the band: the shortest lasts {shortest:.4g} s and all "
             f"together {sum(durations):.4g} s, which allows windows of {longest:.4g} s "
             f"and so frequencies from {lowest:.4g} rad/s, but the band starts at {low:.4g} "
-            "rad/s; raise the band's lower edge, leave short records out or add longer ones",
+            "rad/s; raise the band's lower edge, leave short records out, add longer ones, or fit "
+            "records this short themselves, with identify_records",
             remedy="band,min_duration=S",
         )
     floor = max(20.0 * 2.0 * np.pi / high, longest / WINDOW_SPREAD)
