@@ -177,7 +177,8 @@ def _sticks(records: "Sequence[FlightRecord]", inputs: Sequence[str]) -> tuple[s
     """Return the sticks of the inputs, where all are recorded and move; else none."""
     from helisim.records.record import IN1, IN2
 
-    sticks = tuple(dict(zip(IN1, IN2)).get(name, "") for name in inputs)
+    of: dict[str, str] = dict(zip(IN1, IN2))
+    sticks = tuple(of.get(name, "") for name in inputs)
     there = all(name in one for one in records for name in sticks)
     moves = there and all(
         any(one[name].min() < one[name].max() for one in records) for name in sticks

@@ -113,7 +113,7 @@ def whole(record: FlightRecord, channel: str) -> FoundExcitation | None:
     return FoundExcitation(channel, "motion", float(time[0]), float(time[-1]), low, high, amplitude)
 
 
-def _occupied(omega: Array, values: Array) -> tuple[float, float]:
+def _occupied(omega: NDArray, values: Array) -> tuple[float, float]:
     """Return the band that holds most of a signal's power, rad/s."""
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
     held = np.cumsum(power) / np.sum(power)

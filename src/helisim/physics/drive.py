@@ -54,7 +54,7 @@ def drive(view, flow, step):
     load, is_turbine = flow.main.torque + tail, par[PARAM.drive_engine] == TURBINE
     has_battery = par[PARAM.drive_supply] != 0.0
     speed_rate = engine_rate = governor_rate = fuel_rate = 0.0
-    discharge_rate = polarisation_rate = warming_rate = turning = current = 0.0
+    discharge_rate = polarisation_rate = warming_rate = turning = current = voltage = 0.0
     for _ in range(2):
         at = flow.shaft + 0.5 * step * speed_rate
         engine = throttle = act[STATE.engine] + 0.5 * step * engine_rate
@@ -79,6 +79,7 @@ def drive(view, flow, step):
         speed_rate = (turning - load) / (par[PARAM.drive_inertia] * par[PARAM.main_speed])
         if has_battery:
             current = drawn(par, throttle, at, gripping, source)
+            voltage = source.voltage - source.resistance * current
             discharge_rate, polarisation_rate, warming_rate = battery_rates(
                 par, source, current, polarisation, warming
             )
@@ -94,7 +95,6 @@ def drive(view, flow, step):
         warming_rate,
     )
     power = turning * flow.shaft * par[PARAM.main_speed]
-    voltage = source.voltage - source.resistance * current if has_battery else 0.0
     mast = flow.main.torque + par[PARAM.drive_mast_inertia] * par[PARAM.main_speed] * speed_rate
     return Drive(rates, mast, power, voltage, current)
 

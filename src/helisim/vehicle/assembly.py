@@ -306,7 +306,7 @@ def assemble(
         model = spec.compile()
         for fault in examine(model):
             raise ModelError(fault)
-    set_governor(model, block[PARAM.drive_governor])
+    set_governor(model, float(block[PARAM.drive_governor]))
     return model
 
 
