@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from itertools import product
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -20,6 +21,7 @@ from helisim.design.problem import (
     _told,
     distance,
     free_parameters,
+    growth,
     infeasible,
 )
 from helisim.handling.closed_loop import ClosedLoop
@@ -122,6 +124,12 @@ def test_what_cannot_be_met_is_named_with_the_nearest_value_that_can():
             if 20.0 * np.log10(gain) >= 6.0 and phase >= 45.0:
                 most = max(most, rejection_by_control(law, "lat"))
     assert nearest == pytest.approx(most, rel=0.02)  # pitch's gain, that couples, is not scanned
+
+
+@pytest.mark.parametrize(("pole", "grows"), [(0.01, True), (1e-5, False), (-0.01, False)])
+def test_a_slow_pole_grows_and_an_integrator_stands(pole, grows):
+    loop = SimpleNamespace(poles=np.array([pole, -3.0 + 4.0j, -3.0 - 4.0j]))
+    assert (growth(loop) > 0.0) == grows
 
 
 def test_what_cannot_be_met_together_is_named_in_one_line():

@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.signal import bilinear_zpk, freqz_zpk, tf2zpk
 
 from helisim.design.laws import AttitudeCommand, Lead
+from helisim.design.laws.attitude_command import command_model
 from helisim.design.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
@@ -52,6 +54,14 @@ def test_command_model_is_a_second_order_system(damping):
     step = 1.0 - (other * np.exp(one * t) - one * np.exp(other * t)) / (other - one)
     # the poles of a damping of 1 are kept apart by 1e-7 here
     np.testing.assert_allclose(angles, 0.6 * 0.5 * step.real, atol=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 8.0, 300.0])
+def test_the_command_model_of_yaw_is_a_lag_and_its_integral(frequency):
+    """Over a tick, of angle, rate and a rate asked for: the matrix exponential."""
+    moved, by = command_model(replace(HOLDS.ped, frequency=frequency), PERIOD)
+    lag = np.array([[0.0, 1.0, 0.0], [0.0, -frequency, frequency], [0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(np.c_[moved, by], expm(PERIOD * lag)[:2], rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("one", [Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0)])

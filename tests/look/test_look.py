@@ -173,6 +173,11 @@ def test_a_table_of_anyone(tmp_path):
     assert units == {"p": "deg/s", "phi": "deg", "lat": "percent"}
     assert log.unused == ("row",)
     assert "not used: row\n" in str(log)
+    assert " s in 2 parts can be used\n" in str(log)
+    assert [line[2:7] for line in str(log).splitlines() if "a gap of" in line] == [
+        "!: " + str(tmp_path)[:2],
+        "note:",
+    ]
     assert "--repair gaps" in command(found)
     assert "gap" in {finding.kind for finding in log.findings}
     for frequency in (3.0, 10.0):
@@ -187,6 +192,7 @@ def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_
     assert given == {"p": True, "phi": False, "lat": False}
     doubted = [said(one) for one in found.logs[0].findings if one.kind == "unit"]
     assert doubted == ["--channel p=rollRate:deg/s"]
+    assert "!: " in str(found)
     found = look(anyones(tmp_path / "a.csv"), time=Clock("time_ms", "s"))
     (finding,) = (one for one in found.logs[0].findings if one.kind == "unit of time")
     assert "its steps are 20 s" in finding.text
@@ -255,6 +261,7 @@ def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
     assert [one.channel for one in found.logs[0].excitations] == ["lat"]
     assert not any("resample" in one.name for one in found.logs[0].options)  # of one even clock
     assert "not used" not in str(found)
+    assert " parts" not in str(found)
     assert main(["look", str(named(tmp_path / "b.csv", "foo", "roll_rate"))]) == 1
     assert "--channel lat=COLUMN:percent" in " ".join(capsys.readouterr().out.split())
     found = look(named(tmp_path / "a.csv", "ail_cmd", "p_rad_s", scale=1.0 / RAD_PER_DEG))

@@ -225,6 +225,7 @@ def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
     sent = sent_yaw(np.array([0.0, 0.0019, 0.0039, -0.0039, 1.0, -1.0]), travel)
     np.testing.assert_allclose(sent, [0.0, 0.0, 2 / 550, -1 / 450, 1.0, -1.0])
     assert tail_servo(parameters | {"H_TAIL_TYPE": 3.0}) is None
+    assert tail_servo(parameters | {"SERVO4_MIN": 1600.0}) is None
     assert tail_servo(parameters | {"SERVO4_REVERSED": 1.0}) == (450.0, 550.0)
 
 
@@ -258,6 +259,9 @@ def test_a_band_begins_where_the_structure_follows():
     low, high = followed_band(frf(slow), hs.structures.yaw_base, whole, searches=2)
     assert 2.0 < low < 6.0
     assert high == 50.0
+    slower = truth * s**2 / (s**2 + 12.0 * s + 900.0)  # three octaves are left at least
+    low, _ = followed_band(frf(slower), hs.structures.yaw_base, whole, searches=2)
+    assert low <= 1.3 * 50.0 / 2.0**3
 
 
 def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
