@@ -101,7 +101,8 @@ def fly(
     noise: float | None = None,
 ) -> Columns:
     """Return what a flight computer records of a sweep of one axis, inputs at the command."""
-    structure, numbers = truth.structure, truth.values if values is None else values
+    structure = truth.structure
+    numbers = structure.starts | dict(truth.values if values is None else values)
     dice = np.random.default_rng([seed, structure.inputs.index(axis)])
     matrices = structure.matrices(numbers)
     m, f, g = (matrices[key] for key in "MFG")

@@ -29,6 +29,7 @@ _SURE = 6.0  # standard deviations of a statistic by chance: none of a million
 _ERRORS = 3.0
 _SLOPE = 0.01  # error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
+_OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
 _BENT = 0.03  # share of a response that its signals' size may change
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
 _LOUD = 9.0  # times its variance that a squared response needs to be compared
@@ -176,7 +177,7 @@ def _bands(lines: Lines, drive: Sequence[str], response: Sequence[str], frf) -> 
     count = max(int(math.log(max(high / low, 1.0)) / math.log(_APART)) + 1, 1)
     frequency = np.geomspace(low, max(high, low), count) if count > 1 else np.array([low])
     places = lines.places(drive), lines.places(response)
-    fit = fit_band(lines, *places, frequency, _HALF * frequency, transient=True, poles=False)
+    fit = fit_band(lines, *places, frequency, _HALF * frequency, transient=True)
     return _Bands(frequency, fit)
 
 
@@ -190,8 +191,10 @@ def _nonlinear(
     """
     made, why = _with_cubes(flights, frf, inputs)
     highest = float(frf.frequency[-1])
-    bands = _bands(flight_lines(made, made[0].names, highest), inputs, (*frf.outputs, *why), frf)
+    lines = flight_lines(made, made[0].names, highest)
+    bands = _bands(lines, inputs, (*frf.outputs, *why), frf)
     n_out, left = len(frf.outputs), bands.fit.residual
+    power_of = _power(lines, lines.places((*frf.outputs, *why)), bands.frequency)
     for o, output in enumerate(frf.outputs):
         found = []
         for c, said in enumerate(why.values(), start=n_out):
@@ -199,7 +202,8 @@ def _nonlinear(
             coherence = np.abs(left[:, o, c]) ** 2 / np.maximum(power, 1e-300)
             slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
             part = slope[:, None] * bands.fit.gain[:, c]
-            whole, ok = bands.fit.gain[:, o], bands.enough
+            apart = np.real(left[:, c, c]) > _OWN_PART * power_of[:, c]
+            whole, ok = bands.fit.gain[:, o], bands.enough & apart
             own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
             weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
             count = np.count_nonzero(ok)
@@ -218,6 +222,17 @@ def _nonlinear(
                 f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
                 "friction",
             )
+
+
+def _power(lines: Lines, places: list[int], frequency: Real) -> Real:
+    """Return the mean power of signals in each band, (n_freq, n_signal)."""
+    first, count = lines.within(frequency * (1.0 - _HALF), frequency * (1.0 + _HALF))
+    squares = np.abs(lines.values[:, :, places]) ** 2
+    total = [
+        sum(squares[k, a : a + n].sum(axis=0) for k, (a, n) in enumerate(zip(start, size)))
+        for start, size in zip(first, count)
+    ]
+    return np.array(total) / np.maximum(count.sum(axis=1), 1)[:, None]
 
 
 def _with_cubes(
