@@ -169,7 +169,7 @@ def estimate(
     if response.direct and not options.reference:
         joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
         if joint < _AS_COHERENT * direct:  # the sticks are not what excites
-            response = replace(response.direct, evidence=response.evidence)
+            response = response.direct
     return response
 
 

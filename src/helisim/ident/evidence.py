@@ -2,7 +2,7 @@
 
 Each check compares the records with themselves, and needs no model: a rate with its attitude, a
 response with the powers of its signals (harmonics of a sweep), one half of the records with the
-other, on-axis with off-axis responses, samples with straight lines.
+other, on-axis with off-axis responses, swept with quiet stretches, samples with straight lines.
 """
 
 import math
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from helisim.base.note import Note
+from helisim.ident.feedback import answered
 from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
-from helisim.ident.response import FrequencyResponse
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.records.record import ATTITUDES, IN1, IN2, RATES, Channel, FlightRecord
 
 Real = NDArray[np.float64]
@@ -26,6 +27,8 @@ _HALF = 0.3  # half width of a band over its middle: a response is a parabola in
 _APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next
 _FREEDOM = 4.0  # spare lines that a band needs
 _SURE = 6.0  # standard deviations of a statistic by chance: none of a million
+_ANSWERED = 5.0  # standard deviations of a sum of exponentials: one time in 5000, of 7 bands
+_MOST = 12.0  # times its variance that a squared answer counts at most: chance in 160 000
 _ERRORS = 3.0
 _SLOPE = 0.01  # error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
@@ -45,12 +48,63 @@ def evidence(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> tuple[N
     """Return what the records themselves say against a response, the gravest first."""
     inputs = (*frf.inputs, *frf.conditioning)
     with np.errstate(all="ignore"):
+        lost = tuple(_filled(flights, (*inputs, *frf.outputs)))
+        # straight lines in all channels at once look like noise that goes round a loop
+        loop = () if lost else tuple(_feedback(flights, frf, inputs, len(frf.inputs)))
         return (
             *_slopes(flights, frf),
             *_crossed(frf),
-            *_nonlinear(flights, frf, inputs),
+            *loop,
+            # noise in the inputs is in their cubes, too
+            *(() if loop else _nonlinear(flights, frf, inputs, frf)),
             *_halves(flights, frf, inputs),
-            *_filled(flights, (*inputs, *frf.outputs)),
+            *lost,
+        )
+
+
+def joint_evidence(
+    flights: Sequence[FlightRecord], joint: FrequencyResponse, direct: FrequencyResponse
+) -> tuple[Note, ...]:
+    """Return what the records say against a joint response, from what they say of a direct one."""
+    told = tuple(note for note in direct.evidence if note.kind != "feedback")
+    with np.errstate(all="ignore"):
+        loop = tuple(_feedback(flights, joint, joint.reference, len(joint.reference)))
+        unbent = loop or len(told) == len(direct.evidence)  # or looked at already, by the inputs
+        return (*told, *loop, *(() if unbent else _nonlinear(flights, joint, joint.reference)))
+
+
+def _feedback(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, drive: Sequence[str], tested: int
+) -> Iterator[Note]:
+    """Yield the output whose disturbances come back in what drives, beyond chance."""
+    parts = []
+    for one in flights:
+        made, measured = _predicted(one, frf), _in_band(one, frf.outputs, frf)
+        parts.append((_in_band(one, drive, frf), measured - made, made))
+    band = float(frf.frequency[0]), float(frf.frequency[-1])
+    found = answered(parts, [one.sample_time for one in flights], band, tested)
+    worst, said = _BENT, ""
+    for o, output in enumerate(frf.outputs):
+        coherence = np.interp(found.frequency, frf.frequency, frf.multiple_coherence[o])
+        ok = coherence >= USABLE_COHERENCE
+        count = max(np.count_nonzero(ok), 1)
+        surprise = np.minimum(found.surprise[ok, o], _MOST)  # so that no band speaks alone
+        chance = float(np.sum(surprise - 1.0)) * math.sqrt(tested / count)
+        beyond = np.maximum(found.bias - found.chance, 0.0)[ok, o]
+        bias = math.sqrt(float(np.sum(beyond)) / count)
+        if chance > _ANSWERED and bias > worst:
+            worst, said = bias, output
+    if said:
+        names = " and ".join(drive[:tested])
+        yield Note(
+            "feedback",
+            f"feedback: what else moves {said}, as gusts do, comes back in {names}, which biases "
+            f"the responses of {said} by {100.0 * worst:.2g} % rms; "
+            + (
+                "who gives the reference answers gusts, too: fly hands off but for the sweep"
+                if frf.reference
+                else "record the sticks as the reference of the joint estimate, or sweep larger"
+            ),
         )
 
 
@@ -182,14 +236,18 @@ def _bands(lines: Lines, drive: Sequence[str], response: Sequence[str], frf) -> 
 
 
 def _nonlinear(
-    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+    flights: Sequence[FlightRecord],
+    frf: FrequencyResponse,
+    inputs: Sequence[str],
+    model: FrequencyResponse | None = None,
 ) -> Iterator[Note]:
     """Yield outputs in which cubes of signals explain what the inputs themselves don't.
 
     The cube's part that goes with the input is in the response; what is left of it has the
     response's error, so that its share follows: a sweep's cube has three times its frequency.
+    Cubes are of the inputs, and of outputs as `model` makes them.
     """
-    made, why = _with_cubes(flights, frf, inputs)
+    made, why = _with_cubes(flights, frf, inputs, model)
     highest = float(frf.frequency[-1])
     lines = flight_lines(made, made[0].names, highest)
     bands = _bands(lines, inputs, (*frf.outputs, *why), frf)
@@ -236,7 +294,10 @@ def _power(lines: Lines, places: list[int], frequency: Real) -> Real:
 
 
 def _with_cubes(
-    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+    flights: Sequence[FlightRecord],
+    frf: FrequencyResponse,
+    inputs: Sequence[str],
+    model: FrequencyResponse | None,
 ) -> tuple[list[FlightRecord], dict[str, str]]:
     """Return records with cubes of inputs, of their speeds and of the predicted outputs."""
     made, why = [], {}
@@ -246,7 +307,7 @@ def _with_cubes(
             u = one[name] - one[name].mean()
             columns[f"{name}^3"], why[f"{name}^3"] = u**3, name
             columns[f"{name}'^3"], why[f"{name}'^3"] = np.gradient(u, step) ** 3, f"{name}'s speed"
-        for name, y in zip(frf.outputs, _predicted(one, frf).T):
+        for name, y in zip(frf.outputs, _predicted(one, model).T if model else ()):
             columns[f"{name}^3"], why[f"{name}^3"] = y**3, name
         signals = (*inputs, *frf.outputs)
         values = np.column_stack([one.select(signals), *columns.values()])
@@ -268,6 +329,14 @@ def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
             gain = np.interp(omega[inside], frf.frequency, frf.response[o, i])
             lines[inside, o] += gain * driven[inside, i]
     return np.asarray(fft.irfft(lines, n=len(one), axis=0))
+
+
+def _in_band(one: FlightRecord, names: Sequence[str], frf: FrequencyResponse) -> Real:
+    """Return signals' part in the response's band, (n_time, n_name)."""
+    omega = 2.0 * np.pi * fft.rfftfreq(len(one), one.sample_time)
+    inside = (omega >= frf.frequency[0]) & (omega <= frf.frequency[-1])
+    lines = fft.rfft(one.select(names), axis=0)
+    return np.asarray(fft.irfft(np.where(inside[:, None], lines, 0.0), n=len(one), axis=0))
 
 
 def _halves(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
 from helisim.base.settings import Limits, convert
-from helisim.ident.evidence import evidence
+from helisim.ident.evidence import evidence, joint_evidence
 from helisim.ident.local import Local
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.windows import Windows, window_lengths
@@ -122,12 +122,14 @@ def frequency_response(
             scatter=found.scatter,
         )
 
+    direct = estimated(())
+    direct = replace(direct, evidence=evidence(flights, direct))
     if not references:
-        direct = estimated(())
-        return replace(direct, evidence=evidence(flights, direct))
-    joint, direct = estimated(references), estimated(())
+        return direct
+    joint = estimated(references)
     apart = _warned(_disagreements(joint, direct), ClosedLoopWarning)
-    return replace(joint, direct=direct, flags=flags + apart, evidence=evidence(flights, joint))
+    told = joint_evidence(flights, joint, direct)
+    return replace(joint, direct=direct, flags=flags + apart, evidence=told)
 
 
 def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:
