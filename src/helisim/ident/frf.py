@@ -3,9 +3,11 @@
 import hashlib
 import json
 import math
+import operator
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +16,10 @@ from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
 from helisim.base.settings import Limits, convert
 from helisim.ident.evidence import evidence, joint_evidence
-from helisim.ident.local import Local
+from helisim.ident.local import Local, with_gap
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.windows import Windows, window_lengths
+from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import Channel, FlightRecord, one_blas_thread
 
@@ -32,7 +35,7 @@ _FEWEST_APART = 2  # feedback's bias is smooth: one frequency of those compared 
 _LEAST_GAP = 0.005  # of the response: no fit trusts a point more
 _CHANCE = 12.0  # a squared gap over its variance that chance exceeds once in 160 000 comparisons
 _LONGEST_STOP = 1.0  # s, for which an input may be at its stop in a record
-_NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part")
+_NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part", "missing")
 
 
 class ClosedLoopWarning(UserWarning):
@@ -87,11 +90,10 @@ def frequency_response(
     lengths = window_lengths(durations, band)
     count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
     frequency = np.geomspace(band[0], band[1], count)
-    method = (
-        Local(flights, signals, frequency)
-        if estimator == "local"
-        else Windows(flights, signals, frequency, lengths)
-    )
+    make = Local if estimator == "local" else partial(Windows, windows=lengths)
+    method = make(flights, signals, frequency)
+    fewer = [with_more_missing(one) if missing_of(one).any() else one for one in flights]
+    poorer = None if all(map(operator.is_, fewer, flights)) else make(fewer, signals, frequency)
     cross = method.cross_control((*wanted, *others))
     flags = _warned(faults(flights, signals), RecordQualityWarning)
     flags += _warned(_coherent(cross, (*wanted, *others), frequency), CrossControlWarning)
@@ -101,6 +103,9 @@ def frequency_response(
 
     def estimated(names: tuple[str, ...]) -> FrequencyResponse:
         found = method.estimate(wanted, measured, others, names)
+        if poorer is not None:
+            other = poorer.estimate(wanted, measured, others, names)
+            found = with_gap(found, frequency, other.response)
         return FrequencyResponse(
             frequency=frequency,
             response=found.response,

@@ -5,7 +5,9 @@ flights (R. Pintelon and J. Schoukens, System Identification: A Frequency Domain
 2012, ch. 7), with a common pole where needed (T. McKelvey and G. Guerin, SYSID 2012).
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +42,7 @@ _NOISE_WIDTH = 0.15  # over which share of the frequency that spectrum is averag
 _STUDENT = 2.5
 _POWER_WIDTH = 0.2  # over which share of the frequency the inputs' spectra are averaged
 _POWER_LINES = 12  # least lines in averages of the inputs' spectra
+_APART_WIDTH = 0.15  # of ln w, over which squares of estimates' differences are averaged
 _AVERAGES = 8.0  # no coherence is larger than what so many averages would need for the random error
 
 
@@ -99,6 +102,19 @@ class Local:
             random_error=np.sqrt(0.5 * relative),
             scatter=scatter,
         )
+
+
+def with_gap(found: Estimate, frequency: Real, other: Complex) -> Estimate:
+    """Return an estimate whose errors hold its distance to another, (n_out, n_in, n_freq)."""
+    size = np.maximum(np.abs(found.response), 1e-150)
+    square = np.square(np.abs(other - found.response) / size)
+    apart = np.sqrt(smoothed(square, frequency, np.ones_like(square), _APART_WIDTH))
+    random = np.hypot(found.random_error, math.sqrt(0.5) * apart)
+    return found._replace(
+        coherence=np.minimum(found.coherence, 1.0 / (1.0 + 2.0 * _AVERAGES * random**2)),
+        random_error=random,
+        scatter=replace(found.scatter, bias=np.hypot(found.scatter.bias, apart * size)),
+    )
 
 
 def _noise(bands: "Bands", frequency: Real) -> Complex:

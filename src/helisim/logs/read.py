@@ -41,6 +41,7 @@ from helisim.logs.timing import (
     without_duplicates,
 )
 from helisim.logs.ulog import ULOG_MAGIC, open_ulog
+from helisim.records.missing import told
 from helisim.records.record import FlightRecord, made_by, plain
 from helisim.records.storage import read_record, read_table
 
@@ -363,10 +364,14 @@ def _assembled(
         raise RecordError(f"{head[0]}, {reasons}; nothing is left of it")
     shared = plain({**provenance, "log": report.to_dict()})
     channels, records = tuple(one.channel for one in taken.values()), []
-    for k, (time, values, part) in enumerate(parts):
+    before = provenance.get("missing", {})
+    for k, (time, values, part, lost) in enumerate(parts):
         rows = f"{head[3]}s {part.first_row} to {part.last_row}"
+        spans = told(time, list(taken), lost)
+        spans = {name: [*before.get(name, ()), *more] for name, more in spans.items()}
+        facts = {"missing": {**before, **spans}} if spans else {}
         try:
-            records.append(FlightRecord(time, values, channels, shared.extended(part=k)))
+            records.append(FlightRecord(time, values, channels, shared.extended(part=k, **facts)))
         except RecordError as error:
             raise RecordError(f"{head[0]}, {rows}: {error}") from None
     headings = FrozenMap({name: one.heading for name, one in taken.items()})

@@ -1,4 +1,7 @@
-"""Cuts a log at its gaps and resamples it: modified Akima interpolation, low-pass without phase."""
+"""Cuts a log at its gaps and resamples it: modified Akima interpolation, low-pass without phase.
+
+What lies in gaps that are no cuts is missing, and has expectations of `helisim.records.missing`.
+"""
 
 import math
 from collections.abc import Callable, Collection, Sequence
@@ -13,6 +16,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, RecordError
 from helisim.logs.report import Findings, Part
 from helisim.logs.timing import GAP, Options, Samples, unevenness
+from helisim.records.missing import completed, in_gaps
 
 Array = NDArray[np.float64]
 PASSBAND = 0.8  # Share of half the new rate up to which the filter changes nothing
@@ -26,11 +30,12 @@ _MANY, _MOST, _SHORT = 20, 0.95, 0.1
 
 
 class Cut(NamedTuple):
-    """One part of a log: its instants (n_time,) s, and values (n_time, n_channel)."""
+    """One part of a log: instants (n_time,) s, values (n_time, n_channel), which are missing."""
 
     time: Array
     values: Array
     part: Part
+    missing: NDArray[np.bool_]
 
 
 def cut(
@@ -63,16 +68,17 @@ def cut(
         if time.size < 2 or part.duration < options.min_duration:
             short.append(part)
         elif rate is None:
-            values = inside.values.copy()
-            for column, line in zip(values.T, lines):
-                holes = np.isnan(column)
-                if holes.any():
-                    column[holes] = _between(*line, start, stop)(time[holes])
+            values, holes = inside.values.copy(), np.isnan(inside.values)
+            for column, empty, line in zip(values.T, holes.T, lines):
+                if empty.any():
+                    column[empty] = _between(*line, start, stop)(time[empty])
             part = replace(part, uneven=unevenness(inside, options.max_gap))
-            made.append(Cut(time, values, part))
+            if part.uneven is None:
+                values = completed(values, holes, (time.size - 1) / part.duration)
+            made.append(Cut(time, values, part, holes))
         else:
-            through = [_between(*line, start, stop) for line in lines]
-            made.append(Cut(time, _resampled(through, time, rate, factor), part))
+            values, gone = _resampled(lines, time, stop, rate, factor)
+            made.append(Cut(time, values, part, gone))
     if short:
         said = (
             f"{first.counts}s {one.first_row} to {one.last_row} ({one.samples} samples)"
@@ -190,20 +196,36 @@ def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> 
     return start + np.arange(count) / rate
 
 
-def _resampled(through: Sequence[Interpolant], time: Array, rate: float, factor: int) -> Array:
-    """Return channels on a grid, (n_time, n_channel), filtered from a finer one."""
+def _resampled(
+    lines: Sequence[tuple[Array, Array]], time: Array, end: float, rate: float, factor: int
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return channels on a grid to `end`, s, filtered from a finer one, and which are missing."""
     fine = time[0] + np.arange((time.size - 1) * factor + 1) / (rate * factor)
     with np.errstate(all="ignore"):
-        columns = np.column_stack([line(fine) for line in through])
-        if factor == 1:
-            return columns
-        taps = _low_pass(factor)
-        half = taps.size // 2
-        padded = np.pad(columns, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-        found = np.empty((time.size, columns.shape[1]))
-        for k, column in enumerate(padded.T):
-            around = sliding_window_view(np.ascontiguousarray(column), taps.size)[::factor]
-            found[:, k] = np.einsum("ij,j->i", around, taps)  # the taps are symmetric
+        columns = np.column_stack([_between(*line, time[0], end)(fine) for line in lines])
+        missing, gaps = (
+            np.column_stack([in_gaps(known, at, 1.0 / rate) for known, _ in lines])
+            for at in (time, fine)
+        )
+        found = completed(_filtered(columns, factor), missing, rate)
+        if factor > 1 and missing.any():  # the filter spreads what was in a gap before
+            made = np.column_stack([_between(time, one, time[0], end)(fine) for one in found.T])
+            found = _filtered(np.where(gaps, made, columns), factor)
+            found = completed(found, missing, rate)
+    return found, missing
+
+
+def _filtered(columns: Array, factor: int) -> Array:
+    """Return every factor-th value of columns, (n_time, n_channel), through the low pass."""
+    if factor == 1:
+        return columns
+    taps = _low_pass(factor)
+    half = taps.size // 2
+    padded = np.pad(columns, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    found = np.empty((1 + (len(columns) - 1) // factor, columns.shape[1]))
+    for k, column in enumerate(padded.T):
+        around = sliding_window_view(np.ascontiguousarray(column), taps.size)[::factor]
+        found[:, k] = np.einsum("ij,j->i", around, taps)  # the taps are symmetric
     return found
 
 

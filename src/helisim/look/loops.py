@@ -15,9 +15,11 @@ from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.sweeps import FlownSweep, sweeps, usual_step
+from helisim.records.missing import completed, in_gaps, told
 from helisim.records.record import Channel, FlightRecord
 
 Array = NDArray[np.float64]
+Line = tuple[Array, Array]  # increasing times, s, and a signal at them, (n_time,) each
 _FURTHER = "to see gain margins let the sweeps go on to a higher frequency: SID_F_STOP_HZ"
 _FIELDS = {
     "lat": ("ROut", "PIDR", "DesRoll"),
@@ -127,22 +129,27 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
         )
     period = tick * max(1, round(period / tick))  # of a loop whose ticks needn't be even
     if lost > _LOST:
-        remarks.append(f"{lost:.0%} of RATE's rows are missing while sweeping: interpolated")
+        remarks.append(f"{lost:.0%} of RATE's rows are missing while sweeping")
     aims = next((log.table(name) for name in ("ANG", "ATT") if name in log), None)
     found = []
     for sweep, (start, stop) in zip(used, spans):
         axis, time = sweep.sid_axis.control, np.arange(start + period, stop, period)
         output, pid, aim = _FIELDS[axis]
-        total, added = _filled(rate.time, rate[output], time), _added(log, rate, time, tick)
-        back = total - added
         both = _returned(log.table(pid), rate, output, time, tick) if pid in log else None
-        if both is not None:
-            total, back = both
-        named = {f"{axis}_disturbance": added, f"{axis}_sum": total, axis: back}
-        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
-        channels = tuple(Channel(name, "1", "OTHER") for name in named)
+        lines = [_added(log, rate, tick), *(both or [_line(rate.time, rate[output])])]
+        gone = np.column_stack([in_gaps(stamps, time, period) for stamps, _ in lines])
+        values = np.column_stack([_between(*line, time) for line in lines])
+        values = completed(values, gone, 1.0 / period)
+        if both is None:
+            values = np.column_stack([values, values[:, 1] - values[:, 0]])
+            gone = np.column_stack([gone, gone.any(axis=1)])
+        names = (f"{axis}_disturbance", f"{axis}_sum", axis)
+        channels = tuple(Channel(name, "1", "OTHER") for name in names)
         steps = np.arange(time.size, dtype=np.float64) * period
-        found.append(FlightRecord(steps, np.column_stack([*named.values()]), channels, made))
+        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
+        if gone.any():
+            made["missing"] = told(steps, names, gone)
+        found.append(FlightRecord(steps, values, channels, made))
         if aims is not None and aim in aims.columns:
             here = (aims.time >= time[0]) & (aims.time <= time[-1])
             asked = np.unwrap(np.asarray(aims[aim], np.float64)[here], period=360.0)
@@ -154,19 +161,19 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
     return found
 
 
-def _added(log: DataFlash, rate: Table, time: Array, tick: float) -> Array:
-    """Return what the mode added to the mixer's command, (n_time,), each at the next tick."""
+def _added(log: DataFlash, rate: Table, tick: float) -> Line:
+    """Return what the mode added to the mixer's command, and when: each at the next tick."""
     injected = log.table("SIDD")
     after = np.searchsorted(rate.time, injected.time + 0.25 * tick).clip(max=rate.time.size - 1)
     ahead = rate.time[after] - injected.time
     late = np.where((ahead > 0.0) & (ahead < 1.6 * tick), ahead, tick)
-    return _filled(injected.time + late, injected["Targ"], time)
+    return _line(injected.time + late, injected["Targ"])
 
 
 def _returned(
     pid: Table, rate: Table, output: str, time: Array, tick: float
-) -> tuple[Array, Array] | None:
-    """Return the mixer's command and the sum of its PID, (n_time,) each, at ticks with both."""
+) -> tuple[Line, Line] | None:
+    """Return the mixer's command and the sum of its PID at ticks with both."""
     later = np.searchsorted(pid.time, rate.time - 1e-6).clip(max=pid.time.size - 1)
     mine = (
         (np.abs(pid.time[later] - rate.time) < 0.6 * tick)
@@ -176,12 +183,15 @@ def _returned(
     if np.count_nonzero(mine) < 0.5 * time.size:
         return None
     terms = [np.asarray(pid[one], np.float64)[later[mine]] for one in _TERMS if one in pid.columns]
-    total = np.asarray(rate[output], np.float64)[mine]
-    return _filled(rate.time[mine], total, time), _filled(rate.time[mine], sum(terms), time)
+    stamps = rate.time[mine]
+    return _line(stamps, np.asarray(rate[output])[mine]), _line(stamps, sum(terms))
 
 
-def _filled(stamps: Array, values: Any, time: Array) -> Array:
-    """Return a signal at times, (n_time,), interpolated smoothly: linear steps cost phase."""
+def _line(stamps: Array, values: Any) -> Line:
     stamps, first = np.unique(stamps, return_index=True)
-    curve = Akima1DInterpolator(stamps, np.asarray(values, np.float64)[first])
-    return curve(np.clip(time, stamps[0], stamps[-1]))
+    return stamps, np.asarray(values, np.float64)[first]
+
+
+def _between(stamps: Array, values: Array, time: Array) -> Array:
+    """Return a signal at times, (n_time,), interpolated smoothly: linear steps cost phase."""
+    return Akima1DInterpolator(stamps, values)(np.clip(time, stamps[0], stamps[-1]))

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,7 @@ _OTHERS = (
 )  # Structure, inputs, outputs, why; of those with a common input the first possible one
 _ROOM = 1.1  # by which a band may be beyond another sweep's, whose effect is still taken out
 _SAMPLES_A_PERIOD = 8.0  # of the highest frequency that was swept, in the records
-_MAX_GAP = 0.25  # s without a message that is interpolated
+_MAX_GAP = 1.0  # s without a message: at more a sweep is cut in two
 _SHORTEST = 0.25  # of the longest sweep: shorter parts are left out
 _HELICOPTER = 6  # FRAME_CLASS of a helicopter with one main rotor
 _DROPPED = 0.01  # share of messages that may be missing without a word
@@ -319,6 +320,12 @@ class Inferred:
             channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
         values = np.column_stack([record.values[:, keep], *added])
         facts = {**record.provenance, "sweep": sweep.to_dict()}
+        if spans := dict(record.provenance.get("missing", {})):
+            injected, of_side = spans.pop(_INJECTED, None), [spans.get(one, ()) for one in _SIDE_OF]
+            spans |= {axis.name: injected for axis in self.injected if injected}
+            if place is not None and any(of_side):
+                spans[_SIDE] = [*chain.from_iterable(of_side)]
+            facts["missing"] = spans
         return FlightRecord(record.time, values, tuple(channels), facts)
 
     def __str__(self) -> str:
@@ -357,7 +364,7 @@ def infer(
         channels: channel -> column, in place of the default choice.
         resample_hz: Hz; default as fast as the sweeps need.
         repair: see `REPAIRS`, besides "gaps" and "duplicates".
-        max_gap: longest interpolated gap, s; default 0.25.
+        max_gap: longest gap that cuts no sweep in two, s; default 1.
         min_duration: parts of a sweep below it are left out, s; default a quarter of the longest.
         start: earliest start of sweeps, s after the log's first stamp.
         stop: latest end of sweeps, s.
@@ -494,8 +501,8 @@ def _diagnostics(log: InferredLog, rate: float) -> Iterator[str]:
     if log.dropped > _DROPPED:
         yield (
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "
-            "sweeps were flown; the rest is interpolated, which costs accuracy where the sweep is "
-            "fast: log fewer messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)"
+            "sweeps were flown; they count as missing, and errors hold what that costs: log fewer "
+            "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)"
         )
     shown = PASSBAND * math.pi * rate
     if any(one.high > shown for one in log.used):
