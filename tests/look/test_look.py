@@ -16,6 +16,8 @@ from helisim.ident import load_fit
 from helisim.logs import Clock, Column
 from helisim.logs.examples import examples
 from helisim.look import look
+from helisim.look.excitation import answers, whole
+from helisim.records.record import CHANNELS, FlightRecord
 from remedies import said
 from tabled import tabled
 
@@ -271,3 +273,67 @@ def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
     assert "settle first" in capsys.readouterr().out
     assert main(["look", str(named(tmp_path / "b.csv", "ail_cmd", "roll_rate"))]) == 0
     assert "settle first" not in capsys.readouterr().out
+
+
+def flown(
+    path, *, lat=1.0, heading="time,aileron,gyro_x,thrust,rc_aileron", of=60.0, delimiter=","
+):
+    """Write a table of a roll sweep at 50 Hz: lat in percent times `lat`, p in deg/s."""
+    t, own, p, _ = rolled()
+    rows = slice(0, int(of * 1000), 20)
+    still = np.full(t[rows].size, 3.0)
+    columns = [t[rows], 100.0 * lat * own[rows], lat * p[rows] / RAD_PER_DEG, 9.0 * still, still]
+    np.savetxt(path, np.column_stack(columns), delimiter=delimiter, header=heading, comments="")
+    return path
+
+
+def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
+    """Of a small motion alone, percent and deg/s would be taken for 1 and rad/s."""
+    small = flown(tmp_path / "a.csv", lat=0.02)
+    units = {one.name: one.column.unit for one in look(small).logs[0].channels}
+    assert (units["lat"], units["p"]) == ("1", "rad/s")
+    found = look([small, flown(tmp_path / "b.csv")])
+    for log in found.logs:
+        units = {one.name: one.column.unit for one in log.channels}
+        assert (units["lat"], units["p"]) == ("percent", "deg/s")
+        assert "thrust" in log.unused
+    assert any("in another of the logs" in one.why for one in found.logs[0].channels)
+
+
+def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
+    """Whichever comes first, and whatever its name's rank."""
+    for heading in ("time,aileron,gyro_x,x,lat", "time,lateral,p,x,aileron"):
+        log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
+        (lat,) = (one for one in log.channels if one.name == "lat")
+        assert lat.moves
+
+
+def test_two_axes_of_a_table_are_a_helicopters_by_their_names(tmp_path):
+    t, own, p, _ = rolled()
+    rows = slice(0, None, 20)
+    table = np.column_stack([t, own, 0.0 * own, p, 0.1 * p])[rows]
+    one, two = tmp_path / "lat.csv", tmp_path / "lon.csv"
+    np.savetxt(one, table, delimiter=",", header="time,DLAT,DLON,p,q", comments="")
+    np.savetxt(two, table, delimiter=",", header="time,DLON,DLAT,q,p", comments="")
+    assert dict(look([one, two]).proposal.options)["structure"] == ("rollpitch_speeds",)
+
+
+def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):
+    dead = flown(tmp_path / "a.csv", lat=0.0, of=10.0)
+    assert main(["look", str(dead)]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "fly instead a sweep of " in said
+    assert "thrice, of 90 s from 0.4 to 30 rad/s" in said
+    assert "log controls and rates at 48 Hz or more" in said
+    assert "nothing can be identified from this" in said
+
+
+def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
+    """A single transient makes every two channels coherent in a window that holds it alone."""
+    random, t = np.random.default_rng(3), np.arange(4000) / 50.0
+    event = np.exp(-((t - 30.0) ** 2)) * np.sin(4.0 * t)
+    noise = 1e-4 * random.standard_normal((2, t.size))
+    own, answer = event + noise[0], np.exp(-((t - 30.3) ** 2)) * np.cos(5.0 * t) + noise[1]
+    channels = tuple(CHANNELS[name] for name in ("lat", "p"))
+    record = FlightRecord(t, np.column_stack([own, answer]), channels, {})
+    assert not answers(record, [whole(record, "lat")], {})

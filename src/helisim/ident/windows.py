@@ -27,6 +27,7 @@ Complex = NDArray[np.complex128]
 HANN_POWER = 0.375  # Mean square of the Hann window (CIFER's 1.63^2 is its inverse)
 OVERLAP = 0.75  # Least overlap of windows
 WINDOWS = 5  # Number of window lengths in a composite
+_AS_PRINTED = 5e-4  # of a frequency, by which four digits may be off: what is advised is taken
 WINDOW_SPREAD = 5.0  # Largest ratio of window lengths (CIFER's usual 50 s to 10 s)
 PERIODS = 6.0
 """Least periods in a window of the composite, except the longest: fewer smear the response."""
@@ -338,7 +339,7 @@ def window_lengths(durations: Sequence[float], band: tuple[float, float]) -> tup
     (low, high), shortest = band, min(durations)
     longest = min(shortest / 2.0, sum(durations) / 5.0)
     lowest = 2.0 * np.pi / longest
-    if lowest > low * (1.0 + 1e-9):
+    if lowest > low * (1.0 + _AS_PRINTED):
         raise IdentificationError(
             f"records too short for the band: the shortest lasts {shortest:.4g} s and all "
             f"together {sum(durations):.4g} s, which allows windows of {longest:.4g} s "

@@ -1,6 +1,10 @@
 """ArduPilot's binary logs, DataFlash, of which only the messages asked for are read.
 
-Source: ArduPilot, "Downloading and analyzing data logs", and AP_Logger's README (format letters).
+PX4's logs of before ULog, sdlog2 (.px4log), have the same frame; there a message TIME goes before
+those of its instant.
+
+Sources: ArduPilot, "Downloading and analyzing data logs", and AP_Logger's README (format letters);
+PX4, sdlog2_format.h and sdlog2_messages.h.
 """
 
 import re
@@ -20,6 +24,7 @@ from helisim.base.files import file_size, first_bytes
 from helisim.base.text import shown
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
+from helisim.logs.ulog import ULOG_MAGIC
 
 _HEADER = 3  # bytes before a message's fields: two marks and its type's number
 _MARKS = b"\xa3\x95"
@@ -31,7 +36,9 @@ _SNIFFED = 1 << 16  # bytes of a file that show whether it is a DataFlash log
 _WINDOW = 4 << 20  # bytes that are searched for marks at a time
 _ROWS = 20_000  # messages that are read at a time
 # Fields that hold the time, and ticks a second.
-_CLOCKS: Mapping[str, float] = {"TimeUS": 1e6, "TimeMS": 1e3}
+_CLOCKS: Mapping[str, float] = {"TimeUS": 1e6, "TimeMS": 1e3, "StartTime": 1e6}
+_TIMES = "TIME"  # message of sdlog2 with the time of those after it, StartTime
+SDLOG2 = "sdlog2"
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
 # Letter -> kind of number, and its divisor; arrays are passed over.
 _LETTERS: dict[str, tuple[str, float]] = {
@@ -49,6 +56,8 @@ _Places = NDArray[np.int64]
 def is_dataflash(path: str | PathLike[str]) -> bool:
     """Return whether a file is a DataFlash log, damaged, whole or as text. Raises StorageError."""
     start = first_bytes(path, _SNIFFED)
+    if start.startswith(ULOG_MAGIC):
+        return False
     return start.startswith(_MARKS) or _FMT_START in start or bool(_TEXT_START.search(start))
 
 
@@ -121,6 +130,8 @@ def _scan(read: Callable[[], NDArray[np.uint8]]) -> list[tuple[_Layout, _Places]
         found = _layout(data[place : place + _FMT.size].tobytes())
         if found is not None and (found.number != _FMT_NUMBER or found.length == _FMT.size):
             layouts.setdefault(found.number, found)
+    # PX4 writes none of FMT itself
+    layouts.setdefault(_FMT_NUMBER, _Layout(_FMT_NUMBER, "FMT", _FMT.size, {}, ""))
     lengths = np.zeros(256, kind)
     lengths[list(layouts)] = [layout.length for layout in layouts.values()]
     ends = places + lengths[numbers]
@@ -208,9 +219,13 @@ class DataFlash:
     def time(self, name: str, places: _Places) -> NDArray[np.float64]:
         """Return when messages were written, (n_message,) s; NaN without a clock."""
         clock = self._layout(name).clock
-        if clock is None:
+        if clock is not None:
+            return self._stored(name, places, clock) / _CLOCKS[clock]
+        if not self.timed or name == "FMT":
             return np.full(places.size, np.nan)
-        return self._stored(name, places, clock) / _CLOCKS[clock]
+        ticks = self._types[_TIMES][1]
+        before = np.searchsorted(ticks, places) - 1
+        return np.where(before < 0, np.nan, self.time(_TIMES, ticks)[before])
 
     def column(self, name: str, places: _Places, field: str) -> Column:
         """Return a field of messages, (n_message,), in its unit. Raises StorageError."""
@@ -226,6 +241,11 @@ class DataFlash:
             values = stored.astype(np.float64) / divisor * factor
         values.flags.writeable = False
         return values
+
+    @property
+    def timed(self) -> bool:
+        """Whether messages TIME say when those after them were written, as in PX4's sdlog2."""
+        return _TIMES in self and self._layout(_TIMES).clock is not None
 
     @cached_property
     def begins(self) -> float:
@@ -261,7 +281,7 @@ class DataFlash:
         topics = {
             shown(f"{name}[{one}]" if one else name): (name, one)
             for name, (layout, _) in self._types.items()
-            for one in (self.instances(name) if layout.clock else ())
+            for one in (self.instances(name) if layout.clock or self.timed else ())
         }
         columns = {
             f"{topic}.{field}": (topic, field)
@@ -272,7 +292,7 @@ class DataFlash:
         table = lru_cache(lambda topic: self.table(*topics[topic]))
         return Topics(
             self.path,
-            "DataFlash",
+            SDLOG2 if self.timed else "DataFlash",
             {column: topic for column, (topic, _) in columns.items()},
             lambda column: np.asarray(table(columns[column][0])[columns[column][1]], np.float64),
             lambda topic: np.rint(1e6 * table(topic).time),

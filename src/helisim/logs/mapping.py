@@ -77,6 +77,8 @@ class Column:
             si, factor = "1", 1.0 / self.range
         else:
             si, factor = unit(name).si, unit(name).factor
+        if standard is not None and standard.kind in ("IN1", "IN2") and si == "rad":
+            si = "1"  # a deflection: 1 is a radian
         if standard is not None:
             check_same(channel, standard.unit, name, si)
         return standard or Channel(channel, si, "OTHER", self.meaning), self.sign * factor
@@ -114,9 +116,13 @@ class Clock:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a CSV is written, `delimiter` found by default; `skip` is rows below the header."""
+    """How a CSV is written, `delimiter` found by default; `skip` is rows below the header.
+
+    `names` are the columns' of a file without a header, in order, also of a bare matrix.
+    """
 
     delimiter: str | None = None
+    names: tuple[str, ...] = ()
     decimal: str = setting(".", choices=(".", ","))
     skip: int = setting(0, low=0)
 
@@ -183,13 +189,14 @@ class Map:
         return replace(self, channels={**self.channels, **channels})
 
 
+_PLACE = re.compile(r"\S[\[(]\d+[\])]$")  # a place in an array, such as "xyz[0]", no unit
 _HEADING = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
     """Return the name and the text in brackets of a heading such as "gyro_x [deg/s]"."""
     match = _HEADING.match(heading.strip())
-    if match is None or not match["name"]:
+    if match is None or not match["name"] or _PLACE.search(heading.strip()):
         return heading.strip(), None
     return match["name"], match["unit"].strip()
 

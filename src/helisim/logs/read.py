@@ -28,7 +28,7 @@ from helisim.logs.report import OURS, Findings, Log, LogReport
 from helisim.logs.resample import cut
 from helisim.logs.screening import Channels, implausible, note_lost_samples, screened
 from helisim.logs.source import Source, file_digest
-from helisim.logs.tables import ParquetLog, TextLog
+from helisim.logs.tables import ArrayLog, ParquetLog, TextLog, is_arrays
 from helisim.logs.timing import (
     Options,
     Samples,
@@ -64,7 +64,7 @@ def read_log(
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
-    """Read a flight log: a helisim record, CSV, Parquet, ULog (PX4) or DataFlash (ArduPilot).
+    """Read a flight log: a helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2 or DataFlash.
 
     `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such;
     `time` names the column of times if they don't. `resample_hz` is the records' rate: by default a
@@ -178,13 +178,15 @@ def is_ours(path: Path) -> bool:
 
 
 def _open(path: Path, map_: Map, content: str) -> Source:
-    if is_dataflash(path):
-        return open_dataflash(path, content).source
     if first_bytes(path, len(ULOG_MAGIC)) == ULOG_MAGIC:
         return open_ulog(path, content)
+    if is_dataflash(path):
+        return open_dataflash(path, content).source
     data = read_bytes(path)
     if data.startswith(_PARQUET_MAGIC):
         return ParquetLog(path, data)
+    if is_arrays(data):
+        return ArrayLog(path, data, map_.file.names)
     return TextLog(path, data, map_.file)
 
 
@@ -257,6 +259,7 @@ def from_source(
         if not samples:
             source.stamps(source.clock(source.names[0]), map_.time)  # is time wrong, too?
             findings.check()
+        findings += [one for one in source.findings if one not in findings]  # of the clock
         used = {*(taken.heading for one in samples for taken in one.taken), *origins}
         unused = tuple(name for name in source.names if name not in used)
         longest = max(one.time.size for one in samples)

@@ -1,9 +1,13 @@
-"""Reads tables, one row a sample: CSV, whose every cell is checked, and Parquet."""
+"""Reads tables, one row a sample: CSV, whose every cell is checked, Parquet, NumPy, MATLAB."""
 
 import csv
+import io
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -12,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.base.note import Option
 from helisim.base.text import shown
 from helisim.base.units import DATES, TIME_UNITS, time_unit
 from helisim.logs.mapping import TIME_NAMES, Clock, Layout, find_column, split_heading
@@ -25,6 +30,9 @@ _MISSING = frozenset(
 )  # Cells without a number, in lower case
 # Byte order marks, and their encodings.
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+_MATLAB, _MATLAB_HDF, _NUMPY, _ZIP = b"MATLAB ", b"MATLAB 7.3", b"\x93NUMPY", b"PK\x03\x04"
+_STEPS = (0.002, 0.2)  # s, between samples: 500 to 5 Hz, as flight logs have
+_TRIED = 9  # rows that show whether numbers have a decimal comma
 _LONG_STAMP = 1e6  # from here on, stamps are subtracted by their decimal digits
 
 
@@ -57,14 +65,31 @@ class TimeTable(Source):
             bare = split_heading(name)[0].lower()
             ending = "us" if bare == "timeus" else bare.rpartition("_")[2]
             stated = clock.unit or self._unit(name) or (ending if ending in TIME_UNITS else None)
-            if stated is None:
-                known = ", ".join((*TIME_UNITS, DATES))
-                raise InputError(
-                    f"the heading of the time {name!r} says no unit; give one of {known}"
-                )
-            return name, time_unit(stated)
+            return name, time_unit(stated) if stated else self._unit_by_steps(name)
         except InputError as error:
-            raise InputError(f"{self.path}: {error}", remedy="time") from None
+            remedy = error.remedy or "time"
+            raise InputError(f"{self.path}: {error}", remedy=remedy) from None
+
+    def _unit_by_steps(self, name: str) -> str:
+        """Return the unit of times that say none, if it is sure: dates, or s. Raises InputError."""
+        try:
+            steps = np.diff(self._numbers(name))
+        except StorageError:
+            return DATES
+        step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+        units = (one for one, size in TIME_UNITS.items() if _STEPS[0] <= step * size <= _STEPS[1])
+        likely = next(units, "")
+        if likely != "s":
+            known = ", ".join((*TIME_UNITS, DATES))
+            raise InputError(
+                f"the heading of the time {name!r} says no unit, and its steps are {step:.4g}; "
+                f"give one of {known}",
+                remedy=Option("time", f"{name}:{likely}") if likely else "time",
+            )
+        text = f"column {name!r}: its steps are {step:.4g}, the median, so it is taken to be in s"
+        if all(text != one.text for one in self.findings):
+            self.findings.append(LogFinding("unit of time", text))
+        return likely
 
 
 class TextLog(TimeTable):
@@ -81,14 +106,22 @@ class TextLog(TimeTable):
         first = next((k for k in there if not lines[k].strip().startswith(_COMMENTS)), None)
         if first is None:
             raise StorageError(f"{path}: no header and no numbers in it")
-        delimiter = layout.delimiter or max(",;\t|", key=lines[first].count)
+        delimiter = layout.delimiter or max(",;\t| ", key=lambda one: _kinds(lines[first], one))
         rows = self._read(lines[first:], first + 1, delimiter)
-        names = rows.pop(0)[1]
+        names = list(layout.names) or rows.pop(0)[1]
         if all(_is_number(self._point(cell)) for cell in names):
-            raise StorageError(f"{path}, line {first + 1}: numbers, expected the columns' names")
+            raise StorageError(
+                f"{path}, line {first + 1}: numbers, expected the columns' names; give the names "
+                f"of its {len(names)} columns",
+                remedy=Option("names", "A,B,..."),
+            )
         super().__init__(path, names, self.findings)
-        self._lines = [line for line, _ in rows[layout.skip :]]
         self._cells = [cells for _, cells in rows[layout.skip :]]
+        some = [cell for row in self._cells[:_TRIED] for cell in row if not _is_number(cell)]
+        if delimiter != "," and any(_is_number(cell.replace(",", ".")) for cell in some):
+            self._layout = replace(layout, decimal=",")
+            self.findings.append(LogFinding("decimal", "numbers have a decimal comma"))
+        self._lines = [line for line, _ in rows[layout.skip :]]
         self._check_widths()
 
     def rows(self, clock: str) -> NDArray[np.int64]:
@@ -111,10 +144,7 @@ class TextLog(TimeTable):
         """Return times since the first, exactly even for stamps since 1970, and the first."""
         cells = self._column(name)
         if unit == DATES:
-            raise StorageError(
-                f"{self.place('time', 0, name)}: {_short(cells[0])} is a date as text, which isn't "
-                f"read: write numbers, in {', '.join(TIME_UNITS)}, or a Parquet file's timestamps"
-            )
+            return self._dates(name, cells), cells[0]
         numbers = self._numbers(name)
         missing = np.flatnonzero(np.isnan(numbers))
         if missing.size:
@@ -124,6 +154,20 @@ class TextLog(TimeTable):
             exact = [Decimal(self._point(cell)) for cell in cells]
             differences = np.array([float(number - exact[0]) for number in exact])
         return differences * TIME_UNITS[unit], f"{cells[0]} {unit}"
+
+    def _dates(self, name: str, cells: Sequence[str]) -> NDArray[np.float64]:
+        first, seconds = None, list[float]()
+        for k, cell in enumerate(cells):
+            try:
+                date = datetime.fromisoformat(cell)
+                first = first or date
+                seconds.append((date - first).total_seconds())
+            except (ValueError, TypeError):  # the latter of dates with a zone and without
+                raise StorageError(
+                    f"{self.place('time', k, name)}: {_short(cell)} is neither a number nor a date "
+                    "as 2026-01-31T12:00:00.125"
+                ) from None
+        return np.array(seconds)
 
     def _number(self, k: int, name: str, cell: str) -> float:
         number = self._point(cell)
@@ -157,7 +201,9 @@ class TextLog(TimeTable):
     def _read(
         self, lines: Sequence[str], first: int, delimiter: str
     ) -> list[tuple[int, list[str]]]:
-        reader = csv.reader((line + "\n" for line in lines), delimiter=delimiter, strict=True)
+        blank = delimiter == " "
+        texts = (line.strip() + "\n" if blank else line + "\n" for line in lines)
+        reader = csv.reader(texts, delimiter=delimiter, skipinitialspace=blank, strict=True)
         rows, line = [], first
         try:
             for row in reader:
@@ -189,6 +235,11 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text
+
+
+def _kinds(line: str, delimiter: str) -> int:
+    """Return how often a delimiter is in a heading; blanks count only where nothing else does."""
+    return line.count(delimiter) if delimiter != " " else min(1, len(line.split()) - 1)
 
 
 def _short(text: str) -> str:
@@ -248,3 +299,83 @@ class ParquetLog(TimeTable):
         values = as_array(self._cast(name, "int64")) if whole else self.numbers(name)
         seconds = (values - values[0]) * TIME_UNITS[field.type.unit if dated else unit]
         return seconds, str(column[0]) if dated else f"{column[0]} {unit}"
+
+
+class ArrayLog(TimeTable):
+    """Arrays of NumPy (.npy, .npz) or MATLAB (.mat before 7.3) with one row a sample, from 0.
+
+    A column of a matrix is `name[0]`, a field of a structure `name.field`; `names` are the columns'
+    in place of these, in order.
+    """
+
+    def __init__(self, path: Path, data: bytes, names: Sequence[str]) -> None:
+        self.format = "MATLAB" if data.startswith(_MATLAB) else "NumPy"
+        if data.startswith(_MATLAB_HDF):
+            raise StorageError(
+                f"{path}: MATLAB's format 7.3, which isn't read; in MATLAB: save('log.mat', '-v7')"
+            )
+        try:
+            if self.format == "MATLAB":
+                from scipy.io import loadmat
+
+                file: Any = io.BytesIO(data)
+                found: Any = loadmat(file, simplify_cells=True)
+            else:
+                found = np.load(io.BytesIO(data), allow_pickle=False)
+            columns = [one for one in _columns("", found) if one[1].dtype.kind in "iufb"]
+        except Exception as error:  # of damaged bytes both raise anything
+            reason = shown(str(error), 200) or type(error).__name__
+            raise StorageError(f"{path}: not {self.format}, or damaged: {reason}") from None
+        sizes = Counter(values.size for _, values in columns)
+        count = max(sizes, key=lambda size: (sizes[size] * (size > 1), size), default=0)
+        kept = {name: values for name, values in columns if values.size == count}
+        bare = not all(name.strip("[0123456789]") for name in kept)
+        if count < 2 or ((names or bare) and len(names) != len(kept)):
+            raise StorageError(
+                f"{path}: {len(kept)} columns of {count} numbers, and {len(names)} names; give the "
+                "name of each column",
+                remedy=Option("names", "A,B,..."),
+            )
+        self._columns = dict(zip(names or map(shown, kept), kept.values()))
+        left = [
+            LogFinding("left out", f"{one}: of another length than the other arrays")
+            for one, values in columns
+            if values.size != count
+        ]
+        super().__init__(path, tuple(self._columns), left)
+        self._count = count
+
+    def rows(self, clock: str) -> NDArray[np.int64]:
+        """Return the rows' numbers, (n_time,)."""
+        return np.arange(self._count)
+
+    def _numbers(self, name: str) -> NDArray[np.float64]:
+        return self._columns[name].astype(np.float64)
+
+    def _seconds(self, name: str, unit: str) -> tuple[NDArray[np.float64], str]:
+        values = self._columns[name]
+        values = values.astype(np.int64) if values.dtype.kind in "iu" else self.numbers(name)
+        if unit == DATES or np.isnan(values).any():
+            raise RecordError(f"{self.path}, column {name!r}: holds no dates, or not every time")
+        return (values - values[0]) * TIME_UNITS[unit], f"{values[0]} {unit}"
+
+
+def is_arrays(data: bytes) -> bool:
+    """Return whether bytes are NumPy's or MATLAB's."""
+    return data.startswith((_MATLAB, _NUMPY, _ZIP))
+
+
+def _columns(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield names and arrays, (n_time,), of nested mappings, structures and matrices."""
+    fields = getattr(getattr(value, "dtype", None), "names", None)
+    if isinstance(value, Mapping) or fields:
+        for one in fields or value:
+            if not str(one).startswith("__"):
+                yield from _columns(f"{name}.{one}".lstrip("."), value[one])
+    elif isinstance(value, np.ndarray):
+        value = value.squeeze()
+        if value.ndim == 1:
+            yield name, value
+        elif value.ndim == 2:
+            rows = value if value.shape[0] < value.shape[1] else value.T
+            yield from ((f"{name}[{k}]", row) for k, row in enumerate(rows))

@@ -1,7 +1,8 @@
 """Reads PX4's logs, ULog, by pyulog.
 
 Columns are `topic.field`, such as `vehicle_angular_velocity.xyz[0]`; a second instance is
-`topic[1].field`. Euler angles are added as `vehicle_attitude.roll`, `pitch` and `yaw`.
+`topic[1].field`. Euler angles are added as `vehicle_attitude.roll`, `pitch` and `yaw`. Times
+count from the first stamp that isn't before the header's, when logging began.
 """
 
 import contextlib
@@ -67,14 +68,18 @@ def open_ulog(path: Path, digest: str) -> Topics:
         stamps = one.data.get("timestamp")
         if stamps is None or topic in clocks:
             continue
-        clocks[topic] = stamps.astype(np.float64)
-        fields = {shown(name): one for name, one in one.data.items() if one.dtype.kind in "iufb"}
+        # what was published before logging began is logged with it, with a stale or no stamp
+        fresh = stamps >= log.start_timestamp
+        fresh = fresh if fresh.any() else slice(None)
+        clocks[topic] = stamps[fresh].astype(np.float64)
+        fields = {shown(k): v[fresh] for k, v in one.data.items() if v.dtype.kind in "iufb"}
         euler = _euler(fields) if topic.startswith("vehicle_attitude") else {}
         fields = {f"{topic}.{k}": v for k, v in (fields | euler).items() if k != "timestamp"}
         columns |= fields
         topics |= dict.fromkeys(fields, topic)
         units |= {f"{topic}.{name}": "rad" for name in euler}
-    first = min((float(stamps[0]) for stamps in clocks.values()), default=0.0)
+    stamps = [float(one[0]) for one in clocks.values() if one[0] >= log.start_timestamp]
+    first = min(stamps or [float(one[0]) for one in clocks.values()], default=0.0)
     read, clock = columns.__getitem__, clocks.__getitem__
     return Topics(path, "ULog", topics, read, clock, first, units, findings)
 

@@ -66,8 +66,16 @@ _NAMES = {
         ("AETR.{}", "Ail Elev Rudd Thr", _INPUTS, "1", "++++"),
         ("RCIN.{}", "C1 C2 C4 C3", _STICKS, "us", "++++"),
     ),
+    "sdlog2": (
+        ("IMU.Gyro{}", "X Y Z", RATES, "rad/s", "+++"),
+        ("ATT.{}Rate", "Roll Pitch Yaw", RATES, "rad/s", "+++"),
+        ("ATT.{}", "Roll Pitch Yaw", ATTITUDES, "rad", "+++"),
+        ("IMU.Acc{}", "X Y Z", ACCELERATIONS, "m/s^2", "+++"),
+        ("LPOS.{}", "X Y Z", POSITIONS, "m", "+++"),
+        ("ATTC.{}", "Roll Pitch Yaw Thrust", _INPUTS, "1", "++++"),
+    ),
 }  # Columns of PX4 and ArduPilot logs; the best of a channel first
-_PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot"}
+_PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot", "sdlog2": "PX4"}
 _EXACT = {
     log_format: {
         pattern.format(part): Named(
@@ -80,6 +88,11 @@ _EXACT = {
 }
 _TURNS = "roll pitch yaw"
 _PATTERNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("actuator controls {}", "0 1 2 3", _INPUTS),
+    ("rate {}", "0 1 2", RATES),
+    ("attitude {}", "0 1 2", ATTITUDES),
+    *((f"{word} {{}}", "lat lon ped col", _INPUTS) for word in ("delta", "cyclic", "cmd", "input")),
+    ("delta {}", "a e r t", _INPUTS),
     *((pattern, _TURNS, RATES) for pattern in ("{} rate", "{}rate", "{}speed")),
     *((f"{word} {{}}", "x y z", RATES) for word in ("gyro", "gyr", "omega", "angular velocity")),
     *((f"{word} {{}}", "x y z", ACCELERATIONS) for word in ("accel", "acc", "acceleration")),
@@ -123,17 +136,19 @@ _WORDS: tuple[tuple[str, str, int], ...] = (
         for shorts, channels in _SHORT
         for short, channel in zip(shorts.split(), channels)
     ),
-    *((words, "w", -1) for words in ("vertical speed", "climb rate", "climb")),
+    *((words, "w", -1) for words in ("vertical speed", "climb", "altitude rate")),
     ("sink", "w", 1),
     *((words, "down", -1) for words in ("altitude", "height")),
     *((words, "lat", 1) for words in ("aileron", "lateral")),
     *((words, "lon", 1) for words in ("elevator", "longitudinal")),
-    *((words, "ped", 1) for words in ("rudder", "pedal")),
+    *((words, "ped", 1) for words in ("rudder", "pedal", "pedals", "yoke heading")),
     *((words, "col", 1) for words in ("collective", "throttle")),
     *((words, "phi", 1) for words in ("bank", "roll")),
     ("pitch", "theta", 1),
     *((words, "psi", 1) for words in ("heading", "yaw")),
 )
+# not those that only a simulation knows, or in a unit of no log
+_OWN = {name for name, one in CHANNELS.items() if one.kind != "OTHER" and is_unit(one.unit)}
 _PILOT = {"stick", "rc", "rcin", "pilot", "manual", "joystick"}
 _ASKED = {"setpoint", "sp", "des", "desired", "target", "ref", "demand", "demanded", "std", "var"}
 _ENDINGS = {
@@ -150,7 +165,7 @@ def named(heading: str, log_format: str) -> Named | None:
         return _EXACT[log_format].get(heading)
     bare, bracketed = split_heading(heading)
     implied = unit(bracketed).name if bracketed and is_unit(bracketed) else None
-    if bare in CHANNELS and CHANNELS[bare].kind != "OTHER":  # which only a simulation knows
+    if bare in _OWN:
         return Named(bare, implied, 1, 0, "its name")
     words = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare).lower()
     words = re.sub(r"[^a-z0-9]+", " ", words).strip()
@@ -166,7 +181,7 @@ def named(heading: str, log_format: str) -> Named | None:
         if set(needed.split()) <= rest
     )
     own = " ".join(word for word in words.split() if word in rest)
-    channel, sign, rank = (own, 1, 1) if own in CHANNELS else next(meant, ("", 1, 0))
+    channel, sign, rank = (own, 1, 1) if own in _OWN else next(meant, ("", 1, 0))
     if have & _PILOT:
         sticks = dict(zip((*ATTITUDES, *_INPUTS), (*_STICKS[:3], *_STICKS)))
         channel = sticks.get(channel, channel)
@@ -225,9 +240,14 @@ class SeenChannel:
         return "by its size" in self.why or "for lack of" in self.why
 
     @property
+    def size(self) -> float:
+        """Largest magnitude, in its unit."""
+        return max(abs(self.low), abs(self.high))
+
+    @property
     def moves(self) -> bool:
         """Whether the column isn't constant."""
-        return self.high - self.low > _NO_MOVE * max(abs(self.low), abs(self.high))
+        return self.high - self.low > _NO_MOVE * self.size
 
     def __str__(self) -> str:
         sign, still = "-" if self.column.sign < 0 else "", "" if self.moves else ", constant"
@@ -258,13 +278,7 @@ def guess(
         if meant is None or clock is None:
             continue
         other = seen.get(meant.channel)
-        if other is not None and (
-            other.why == GIVEN
-            or not (
-                (other.moves and clock.rate > 1.5 * other.rate)
-                or (meant.rank < ranks[meant.channel] and clock.rate > other.rate / 1.5)
-            )
-        ):
+        if other is not None and other.why == GIVEN:
             continue
         try:
             known = _known(source, heading)
@@ -273,8 +287,16 @@ def guess(
         if known.size > 1 and not _geographic(heading, known):
             column, why = _in_unit(source.stated_unit(heading), heading, meant, known)
             found = SeenChannel(meant.channel, column, why, clock, *_range(known))
-            seen[meant.channel], ranks[meant.channel] = found, meant.rank
+            if other is None or _better(found, meant.rank, other, ranks[meant.channel]):
+                seen[meant.channel], ranks[meant.channel] = found, meant.rank
     return _same_family(tuple(seen.values()))
+
+
+def _better(one: SeenChannel, rank: int, other: SeenChannel, others: int) -> bool:
+    """Return whether a column is the better one for a channel: it moves, is faster, named so."""
+    if one.moves != other.moves:
+        return one.moves
+    return one.rate > 1.5 * other.rate or (rank < others and one.rate > other.rate / 1.5)
 
 
 def _known(source: Source, heading: str) -> Array:
@@ -315,9 +337,8 @@ def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
         return {"unit": "percent"}, f"percent: it reaches {size:.3g}"
     if size <= _UNITISED and unit in (None, "1"):
         return {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
-    if unit in ("rad", "deg"):
-        fixed = {"unit": unit, "trim": middle, "range": 1.0 / UNITS[unit].factor}
-        return fixed, f"in {unit}; 1 is a radian from its median"
+    if unit is not None and UNITS[unit].si == "rad":
+        return {"unit": unit, "trim": middle}, f"in {unit}; 1 is a radian from its median"
     return {"unit": "1", "trim": middle, "range": 1.0}, f"as it is, to {size:.3g}, in no known unit"
 
 

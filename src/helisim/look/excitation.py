@@ -42,10 +42,12 @@ _FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
 _SHAPES: dict[int, Kind] = {1: "pulse", 2: "doublet", 4: "3-2-1-1"}  # by half-waves
 _DOUBLET_BAND = (1.0, 3.3)  # of the half-wave's inverse, rad: where a doublet has most of its power
 _POWER = (0.03, 0.97)  # shares of a motion's power between which its band is
-_WINDOWS = 5.0  # of an excitation's length, windows that don't overlap; nine that do
-_SAMPLES_A_PERIOD = 10.0
+WINDOWS = 5.0  # of an excitation's length, windows that don't overlap; nine that do
+SAMPLES_A_PERIOD = 10.0
 _SMOOTHED = 5  # frequencies of the coherence's running median
 _NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a line
+_LEAST_EVENTS = 1.5  # windows that a motion is spread among, at least
+_LEAST_SHARE = 0.1  # of a control's power: what is coherent with less doesn't answer what moved it
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 _FEEDBACK = 0.5  # partial coherence of control and motion in a closed loop
 _OWN = 0.05  # share of a control's power not explained by its stick
@@ -115,10 +117,22 @@ def whole(record: FlightRecord, channel: str) -> FoundExcitation | None:
 
 def _occupied(omega: NDArray, values: Array) -> tuple[float, float]:
     """Return the band that holds most of a signal's power, rad/s."""
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    power = _power(values)
     held = np.cumsum(power) / np.sum(power)
     low, high = omega[np.searchsorted(held, _POWER)]
     return float(max(low, omega[1])), float(high)
+
+
+def _power(values: Array) -> Array:
+    """Return a signal's power at each line, (n_freq,)."""
+    return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+
+
+def _events(values: Array) -> float:
+    """Return among how many windows a signal's motion is spread: of one, all is coherent."""
+    half = np.array([np.var(one) for one in np.array_split(values, 2 * round(WINDOWS))])
+    aligned, shifted = half[::2] + half[1::2], half[1:-1:2] + half[2::2]
+    return min(float(np.sum(one) ** 2 / max(one @ one, 1e-300)) for one in (aligned, shifted))
 
 
 def _active(time: Array, values: Array) -> slice:
@@ -195,13 +209,18 @@ def _answer(
     padded = np.pad(coherence, _SMOOTHED // 2, mode="edge" if omega.size else "constant")
     smooth = np.median([padded[k : k + omega.size] for k in range(_SMOOTHED)], axis=0)
     rate = min(1.0 / step, *(rates.get(name, np.inf) for name in (excited.channel, output)))
-    high = min(2.0 * np.pi * rate / _SAMPLES_A_PERIOD, _BESIDE * excited.high)
+    high = min(2.0 * np.pi * rate / SAMPLES_A_PERIOD, _BESIDE * excited.high)
     usable = (smooth >= USABLE_COHERENCE) & (omega <= high) & (omega >= excited.low / _BESIDE)
     usable[1:-1] |= usable[:-2] & usable[2:]  # one dip cuts no band
     edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     runs = [(omega[a], omega[b - 1], slice(a, b)) for a, b in zip(edges[::2], edges[1::2])]
     low, high, inside = max(runs, key=lambda run: run[1] / run[0], default=(1.0, 0.0, slice(0)))
-    if high < _NARROWEST * low:
+    held = _power(part[excited.channel])
+    lines = 2.0 * np.pi * np.fft.rfftfreq(len(part), step)
+    moved = (lines >= excited.low / _BESIDE) & (lines <= _BESIDE * excited.high)
+    mine = np.sum(held[(lines >= low) & (lines <= high)])
+    few = _events(part[excited.channel]) < _LEAST_EVENTS
+    if high < _NARROWEST * low or mine < _LEAST_SHARE * np.sum(held[moved]) or few:
         return []
     structure = _OF_OTHERS.get(output)
     if structure is None:
@@ -213,7 +232,7 @@ def _answer(
 
 def _cross_spectra(columns: Array, step: float) -> tuple[Array, Complex]:
     """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel)."""
-    length, width = 2 * int(columns.shape[0] / (2.0 * _WINDOWS)), columns.shape[1]
+    length, width = 2 * int(columns.shape[0] / (2.0 * WINDOWS)), columns.shape[1]
     if length < 32:
         return np.empty(0), np.empty((0, width, width), np.complex128)
     parts = window_transforms(columns, length)[:, 1:]
@@ -238,7 +257,7 @@ def loops(
             continue
         columns = record.select((stick, actuator, best.output))
         omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1))
-        resolved = 2.0 * np.pi * rates.get(stick, np.inf) / _SAMPLES_A_PERIOD
+        resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
         cross = cross[(omega >= best.low) & (omega <= min(best.high, resolved))]
         own = 1.0 - _coherence(cross, 0, 1)
         scale = np.where(cross[:, 0, 0].real > 0.0, cross[:, 0, 0], np.inf)[:, None, None]

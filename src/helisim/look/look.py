@@ -1,7 +1,8 @@
 """First look at logs: channels, excitation, quality, and the command to run next."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,17 @@ from helisim.base.settings import to_plain
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
-from helisim.look.channels import CONTROLS
-from helisim.look.excitation import FoundExcitation, answers, excitation, loops, whole
-from helisim.look.opened import SHORT, LogLook, opened
+from helisim.look.channels import AS_RECORDED, CONTROLS, GIVEN, SeenChannel
+from helisim.look.excitation import (
+    SAMPLES_A_PERIOD,
+    WINDOWS,
+    FoundExcitation,
+    answers,
+    excitation,
+    loops,
+    whole,
+)
+from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
 from helisim.records.record import ATTITUDES, IN1, IN2, RATES
 
@@ -23,8 +32,13 @@ _STRUCTURES = (
     ("heave", ("col",), ("w",)),
     ("yaw_base", ("ped",), ("r",)),
 )  # Structures of helicopters with inputs and outputs, largest first
-_HELICOPTER = ("swash", "cyclic", "collective", "pedal")
+_WORD = re.compile("[a-z]+")
+_HELICOPTER = {
+    *("swash", "cyclic", "collective", "coll", "col", "pedal", "pedals", "ped", "lateral"),
+    *("longitudinal", "lat", "lon", "dlat", "dlon", "dped", "dcol"),
+}  # words of controls that others than helicopters don't have
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
+_FLOWN, _FLOWN_TO = 90.0, 30.0  # s and rad/s of the sweep to fly where a log shows nothing
 _STICK: dict[str, str] = dict(zip(IN1, IN2))
 _ANGLE: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _AXIS = {name: name for name in IN1} | {stick: name for name, stick in _STICK.items()}
@@ -88,14 +102,39 @@ def look(
     if not paths:
         raise InputError("no logs were given; expected at least one file")
     options = Options(resample_hz, repair, max_gap, 0.0, start, stop)
-    looked = tuple(_looked(opened(Path(path), Map.of(channels, time), options)) for path in paths)
-    return Look(looked, _proposal(looked))
+    map_ = Map.of(channels, time)
+    found = _agreed([opened(Path(path), map_, options) for path in paths], map_, options)
+    looked = tuple(map(_looked, found))
+    return Look(looked, _proposal(looked, map_, options))
+
+
+def _agreed(logs: Sequence[LogLook], map_: Map, options: Options) -> Iterator[LogLook]:
+    """Yield logs whose columns of one name have one unit: that of the largest numbers."""
+    largest: dict[tuple[str, str], SeenChannel] = {}
+    for one in (seen for log in logs for seen in log.channels):
+        key = one.name, one.column.column
+        largest[key] = max(one, largest.get(key, one), key=lambda seen: seen.size)
+    for log in logs:
+        best = {one.name: largest[one.name, one.column.column] for one in log.channels}
+        other = {
+            one.name: best[one.name].column
+            for one in log.channels
+            if one.column.unit != best[one.name].column.unit and one.why not in (GIVEN, AS_RECORDED)
+        }
+        if other:
+            log = opened(Path(log.path), map_.with_channels(other), options)
+            why = {name: f"{best[name].why}, in another of the logs" for name in other}
+            seen = (replace(one, why=why.get(one.name, one.why)) for one in log.channels)
+            log = replace(log, channels=tuple(seen))
+        yield log
 
 
 def _looked(log: LogLook) -> LogLook:
     swept = own_sweeps(Path(log.path)) if log.records else ()
     if swept or not log.records:
-        return replace(log, sweeps=swept)
+        of_use = any(not one.unused for one in swept)
+        said = log.findings if of_use else (*log.findings, _instead(log, ()))
+        return replace(log, sweeps=swept, findings=said)
     record = max(log.records, key=lambda one: one.duration)
     rates = {one.name: one.rate for one in log.channels}
     moved = (excitation(name, record.time, record[name]) for name in CONTROLS if name in record)
@@ -111,7 +150,23 @@ def _looked(log: LogLook) -> LogLook:
         if excited:
             text = "nothing answers coherently: sweep longer, larger, or in calmer air"
         said.insert(0, LogFinding("missing", text, (Option("channel", "lat=COLUMN:percent"),)))
+        said.append(_instead(log, excited))
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
+
+
+def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
+    """Return what to fly in place of a log that shows nothing."""
+    axes = dict.fromkeys(_AXIS[one.channel] for one in excited) or dict.fromkeys(IN1)
+    least = math.ceil(_FLOWN_TO * SAMPLES_A_PERIOD / (2.0 * math.pi))
+    mine = [one for one in log.channels if one.name in (*CONTROLS, *RATES) and one.rate < least]
+    slow = ", ".join(f"{one.name} {one.rate:.3g}" for one in mine)
+    text = (
+        f"fly instead a sweep of {' and one of '.join(axes)}, thrice, of {_FLOWN:g} s from "
+        f"{math.ceil(20.0 * math.pi * WINDOWS / _FLOWN) / 10.0:g} to {_FLOWN_TO:g} rad/s, other "
+        f"controls at rest; log controls and rates at {least} Hz or more"
+    )
+    text += f", not as here: {slow} Hz" * bool(slow)
+    return LogFinding("fly", text)
 
 
 def _main(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation, ...]:
@@ -127,7 +182,7 @@ def _main(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation, ...]:
     return tuple(one for one in kept if _AXIS[one.channel] in driven)
 
 
-def _proposal(looked: Sequence[LogLook]) -> Proposal | None:
+def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposal | None:
     if all(any(not sweep.unused for sweep in one.sweeps) for one in looked):
         return Proposal("identify", tuple(one.path for one in looked))  # they say themselves
     usable = [one for one in looked if one.answers]
@@ -149,6 +204,9 @@ def _proposal(looked: Sequence[LogLook]) -> Proposal | None:
     angles = ((seen.get(_ANGLE.get(name, "")), seen[name].clock) for name in outputs)
     known = [one.name for one, clock in angles if one and not one.sized and one.clock == clock]
     names = (*inputs, *outputs, *sticks, *known)  # angles tell a wrong clock or unit of rates
+    used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
+    if not used:
+        return None
     if any(one.format != OURS for one in used):
         options += [("channel", (seen[name].column.option(name).value,)) for name in names]
     options += [("reference", (",".join(sticks),))] if sticks else []
@@ -165,10 +223,10 @@ def _proposal(looked: Sequence[LogLook]) -> Proposal | None:
 def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     known = [answer for one in usable for answer in one.answers]
     have = {(one.input, one.output) for one in known}
-    words = [" ".join(seen.column.column.lower() for seen in one.channels) for one in usable]
     heli = all(
-        one.format == OURS or any(word in said for word in _HELICOPTER)
-        for one, said in zip(usable, words)
+        one.format == OURS
+        or any(_HELICOPTER & {*_WORD.findall(seen.column.column.lower())} for seen in one.channels)
+        for one in usable
     )
     for name, inputs, outputs in _STRUCTURES:
         driven = all(any((i, o) in have for i in inputs) for o in outputs)

@@ -1,6 +1,6 @@
 """Opens an unknown log: clocks, channels and records, and what is found in it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -112,9 +112,30 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     wanted = replace(map_, channels={name: one.column for name, one in moving.items()})
     fastest = min(max(one.rate for one in shown), _FASTEST) if len(used) > 1 else None
     records, said, taken = _read(path, wanted, options, fastest)
+    return replace(
+        found,
+        records=records,
+        findings=(*findings.refused, *said),
+        options=(*_written(map_), *taken),
+    )
+
+
+def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> LogLook:
+    """Return a log as read with some of its channels alone, and the options which that needs."""
+    if log.format == OURS:
+        return log
+    wanted = {one.name: one.column for one in log.channels if one.name in names}
+    records, _, taken = _read(Path(log.path), replace(map_, channels=wanted), options)
+    return replace(log, records=records, options=(*_written(map_), *taken))
+
+
+def _written(map_: Map) -> tuple[Option, ...]:
+    """Return the options which say how a file is written."""
+    time, names = map_.time, ",".join(map_.file.names)
+    said = [Option("names", names)] if names else []
     if time is not None and time.column:
-        taken = (Option("time", f"{time.column}:{time.unit or ''}".removesuffix(":")), *taken)
-    return replace(found, records=records, findings=(*findings.refused, *said), options=taken)
+        said.append(Option("time", f"{time.column}:{time.unit or ''}".removesuffix(":")))
+    return tuple(said)
 
 
 def _ours(path: Path, options: Options) -> LogLook:
