@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helisim.cli import main
 from helisim.ident import frequency_response
 from helisim.ident.feedback import answered
+from helisim.ident.frf import ClosedLoopWarning
+from helisim.records.storage import write_record
 from script import loaded
 
 gusts = loaded("proof/gusts")
@@ -73,3 +76,14 @@ def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
     assert found.words.count("sound") >= 10
     direct = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=False)
     assert "sound" not in [word for word, bad in zip(direct.words, direct.harmful(truth)) if bad]
+
+
+def test_gusts_in_a_loop_leave_the_sticks_the_reference(tmp_path, capsys):
+    """Gusts that come back are coherent with the input, and make the sticks look idle."""
+    (records,) = gusts.fly(replace(YAW, gust=(2.4, 0.5, {"r": 1.0})), 0)
+    logs = [str(write_record(one, tmp_path / f"{k}.parquet")) for k, one in enumerate(records)]
+    with pytest.warns(ClosedLoopWarning):
+        status = main(["identify", *logs, "--structure", "yaw_base", "--quiet"])
+    said = capsys.readouterr().out
+    assert "joint input-output" in said
+    assert status != 1

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 Band = tuple[float, float]
 _AS_COHERENT = 0.9  # of the direct estimate's coherent points, that the joint one by sticks needs
+_IN_A_LOOP = 0.25  # likewise, where gusts go round a loop: sticks that excite had 0.35 to 0.57
 _SAMPLES_A_PERIOD = 10.0  # The default band ends where a period still has so many samples
 
 
@@ -170,7 +171,9 @@ def estimate(
         advance("frequency responses")
     if response.direct and not options.reference:
         joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
-        if joint < _AS_COHERENT * direct:  # the sticks are not what excites
+        # a gust that comes back in an input is coherent with it, and not with the sticks
+        loop = any(one.kind == "feedback" for one in response.direct.evidence)
+        if joint < (_IN_A_LOOP if loop else _AS_COHERENT) * direct:  # the sticks don't excite
             response = response.direct
     return response
 
