@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import autopilot_logs
 from helisim.base.errors import InputError
@@ -337,3 +338,38 @@ def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
     channels = tuple(CHANNELS[name] for name in ("lat", "p"))
     record = FlightRecord(t, np.column_stack([own, answer]), channels, {})
     assert not answers(record, [whole(record, "lat")], {})
+
+
+def test_one_doublet_of_a_long_log_is_taken_by_itself(tmp_path):
+    """By the likelihood of its surroundings; a doublet of 2 s shows no line below 0.5 rad/s."""
+    fine, step = np.arange(60_000) / 1000.0, 0.001
+    lat = 0.1 * ((fine >= 20.0) & (fine < 21.0)) - 0.1 * ((fine >= 21.0) & (fine < 22.0))
+    decay = np.exp(-DAMPING * step)
+    late = np.roll(lat, round(DELAY / step))
+    p = lfilter([0.0, (1.0 - decay) * GAIN / DAMPING], [1.0, -decay], late)
+    noise = np.random.default_rng(4).standard_normal((6000, 2))
+    table = np.column_stack([fine, lat, p])[::10]
+    table[:, 1:] += noise * [1e-4, 2e-3]
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,aileron,p", comments="")
+    found = look(tmp_path / "a.csv")
+    options = dict(found.proposal.options)
+    assert float(options["from"][0]) == pytest.approx(18.0, abs=0.1)
+    assert "band" not in options
+    for frequency in (1.0, 3.0):
+        same_response(runs(found, tmp_path), frequency, tolerance=0.03)  # of the fit's noise
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit", "rate"),
+    [
+        ("TIME (SEC),DLAT (IN),P (DEG/SEC),x,y", "1", "deg/s"),
+        ("log.t_s,Aileron(%),RollRate(deg/s),x,y", "percent", "deg/s"),
+        ("timestamp_s,yoke_roll,omega[0],x,y", "percent", "deg/s"),
+        ("t [s],actuator_controls.roll [deg],gyro_rad[0],x,y", "deg", "deg/s"),
+    ],
+)
+def test_headings_of_many_hands_are_understood(tmp_path, heading, unit, rate):
+    found = look(flown(tmp_path / "a.csv", heading=heading))
+    units = {one.name: one.column.unit for one in found.logs[0].channels}
+    assert units == {"lat": unit, "p": rate}
+    assert found.proposal.command == "identify"

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from helisim.base.errors import InputError, RecordError, StorageError
 from helisim.base.note import Option
 from helisim.base.text import shown
 from helisim.base.units import DATES, TIME_UNITS, time_unit
-from helisim.logs.mapping import TIME_NAMES, Clock, Layout, find_column, split_heading
+from helisim.logs.mapping import TIME_LIKE, TIME_NAMES, Clock, Layout, find_column, split_heading
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Source
 from helisim.records.storage import as_array, read_table
@@ -54,6 +55,7 @@ class TimeTable(Source):
     def _time_column(self, time: Clock | None) -> tuple[str, str]:
         likely = [name for name in self.names if split_heading(name)[0].lower() in TIME_NAMES]
         likely = likely or [name for name in self.names if self._unit(name) == DATES]
+        likely = likely or [name for name in self.names if _said_time(name)]
         clock = time or Clock(likely[0] if len(likely) == 1 else "")
         try:
             if not clock.column:
@@ -62,9 +64,9 @@ class TimeTable(Source):
                     f"its unit, or the rate; columns: {', '.join(map(repr, self.names[:60]))}"
                 )
             name = find_column(clock.column, self.names, "column of time")
-            bare = split_heading(name)[0].lower()
-            ending = "us" if bare == "timeus" else bare.rpartition("_")[2]
-            stated = clock.unit or self._unit(name) or (ending if ending in TIME_UNITS else None)
+            said, ending = _said_time(name), name.lower().rpartition("_")[2]
+            ending = ending if ending in TIME_UNITS else None
+            stated = clock.unit or self._unit(name) or (said and said[3]) or ending
             return name, time_unit(stated) if stated else self._unit_by_steps(name)
         except InputError as error:
             remedy = error.remedy or "time"
@@ -227,6 +229,10 @@ class TextLog(TimeTable):
             raise StorageError(f"{where}: {have} (in all {len(wrong)} such lines)")
         if not cells:
             raise StorageError(f"{self.path}: no numbers below the header")
+
+
+def _said_time(name: str) -> re.Match[str] | None:
+    return TIME_LIKE.fullmatch(split_heading(name)[0].lower())
 
 
 def _is_number(text: str) -> bool:

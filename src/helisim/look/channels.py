@@ -94,7 +94,11 @@ _PATTERNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     *((f"{word} {{}}", "lat lon ped col", _INPUTS) for word in ("delta", "cyclic", "cmd", "input")),
     ("delta {}", "a e r t", _INPUTS),
     *((pattern, _TURNS, RATES) for pattern in ("{} rate", "{}rate", "{}speed")),
-    *((f"{word} {{}}", "x y z", RATES) for word in ("gyro", "gyr", "omega", "angular velocity")),
+    *(
+        (f"{word} {{}}", axes, RATES)
+        for word in ("gyro", "gyr", "omega", "angular velocity")
+        for axes in ("x y z", "0 1 2")
+    ),
     *((f"{word} {{}}", "x y z", ACCELERATIONS) for word in ("accel", "acc", "acceleration")),
     *(
         (f"{{}} {word}", _TURNS, _INPUTS)
@@ -285,7 +289,8 @@ def guess(
         except HelisimError:
             continue
         if known.size > 1 and not _geographic(heading, known):
-            column, why = _in_unit(source.stated_unit(heading), heading, meant, known)
+            stated = source.stated_unit(heading)
+            column, why = _in_unit(stated and unit(stated).name, heading, meant, known)
             found = SeenChannel(meant.channel, column, why, clock, *_range(known))
             if other is None or _better(found, meant.rank, other, ranks[meant.channel]):
                 seen[meant.channel], ranks[meant.channel] = found, meant.rank
@@ -339,7 +344,8 @@ def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
         return {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
     if unit is not None and UNITS[unit].si == "rad":
         return {"unit": unit, "trim": middle}, f"in {unit}; 1 is a radian from its median"
-    return {"unit": "1", "trim": middle, "range": 1.0}, f"as it is, to {size:.3g}, in no known unit"
+    why = f"as it is, in {unit or 'no known unit'}; 1 is one of it from its median"
+    return {"unit": "1", "trim": middle, "range": 1.0}, f"{why}; it reaches {size:.3g}"
 
 
 def _by_size(channel: str, known: Array) -> tuple[str, str]:

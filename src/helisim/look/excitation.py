@@ -104,15 +104,15 @@ def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | No
     return FoundExcitation(channel, kind, float(t[0]), float(t[-1]), low, high, amplitude)
 
 
-def whole(record: FlightRecord, channel: str) -> FoundExcitation | None:
-    """Return all of a control's motion as one excitation; None if it rests."""
+def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExcitation | None:
+    """Return all of a control's motion as one excitation of a kind; None if it rests."""
     time, values = record.time, record[channel] - np.mean(record[channel])
     if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(record[channel])):
         return None
     omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, record.duration / (time.size - 1))
     low, high = _occupied(omega, values)
     amplitude = float(np.quantile(np.abs(values), 0.98))
-    return FoundExcitation(channel, "motion", float(time[0]), float(time[-1]), low, high, amplitude)
+    return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), low, high, amplitude)
 
 
 def _occupied(omega: NDArray, values: Array) -> tuple[float, float]:
@@ -219,7 +219,7 @@ def _answer(
     lines = 2.0 * np.pi * np.fft.rfftfreq(len(part), step)
     moved = (lines >= excited.low / _BESIDE) & (lines <= _BESIDE * excited.high)
     mine = np.sum(held[(lines >= low) & (lines <= high)])
-    few = _events(part[excited.channel]) < _LEAST_EVENTS
+    few = excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS
     if high < _NARROWEST * low or mine < _LEAST_SHARE * np.sum(held[moved]) or few:
         return []
     structure = _OF_OTHERS.get(output)

@@ -18,6 +18,7 @@ from helisim.look.excitation import (
     SAMPLES_A_PERIOD,
     WINDOWS,
     FoundExcitation,
+    Kind,
     answers,
     excitation,
     loops,
@@ -39,6 +40,7 @@ _HELICOPTER = {
 }  # words of controls that others than helicopters don't have
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
 _FLOWN, _FLOWN_TO = 90.0, 30.0  # s and rad/s of the sweep to fly where a log shows nothing
+_BEFORE, _AFTER = 2.0, 8.0  # s around one event, in which it is at rest and answered
 _STICK: dict[str, str] = dict(zip(IN1, IN2))
 _ANGLE: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _AXIS = {name: name for name in IN1} | {stick: name for name, stick in _STICK.items()}
@@ -132,25 +134,38 @@ def _agreed(logs: Sequence[LogLook], map_: Map, options: Options) -> Iterator[Lo
 def _looked(log: LogLook) -> LogLook:
     swept = own_sweeps(Path(log.path)) if log.records else ()
     if swept or not log.records:
-        of_use = any(not one.unused for one in swept)
+        of_use = any(not one.unused for one in swept) or not (swept or log.channels)
         said = log.findings if of_use else (*log.findings, _instead(log, ()))
         return replace(log, sweeps=swept, findings=said)
     record = max(log.records, key=lambda one: one.duration)
     rates = {one.name: one.rate for one in log.channels}
-    moved = (excitation(name, record.time, record[name]) for name in CONTROLS if name in record)
+    moved = [excitation(name, record.time, record[name]) for name in CONTROLS if name in record]
     excited = _main([one for one in moved if one is not None])
-    found = answers(record, excited, rates)
+    found, said = answers(record, excited, rates), list(log.findings)
     if not found:  # what moved for a short while may have moved all along
-        excited = tuple(whole(record, name) for name in CONTROLS if name in record)
-        excited = _main([one for one in excited if one is not None])
+        events = {one.channel: one for one in excited if one.kind != "motion"}
+        kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
+        every = (
+            whole(record, name, kinds.get(name, "motion")) for name in CONTROLS if name in record
+        )
+        excited = _main([one for one in every if one is not None])
         found = answers(record, excited, rates)
-    said = [*log.findings, *loops(record, found, rates)]
+        if found and found[0].input in events:
+            excited, one = tuple(events.values()), events[found[0].input]
+            text = f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
+            others = ", ".join(name for name in events if name != one.channel)
+            text += f"; {others} moved then, too, whose part can't be told from it" * bool(others)
+            limits = (max(one.start - _BEFORE, 0.0), one.stop + _AFTER)
+            cut = tuple(Option(name, f"{at:.4g}") for name, at in zip(("from", "to"), limits))
+            said.append(LogFinding("event", text, cut))
+    said += loops(record, found, rates)
     if not found:
         text = "no control moves, or no column looks like one: say which of those not used is"
         if excited:
             text = "nothing answers coherently: sweep longer, larger, or in calmer air"
         said.insert(0, LogFinding("missing", text, (Option("channel", "lat=COLUMN:percent"),)))
-        said.append(_instead(log, excited))
+        if any(one.name in CONTROLS for one in log.channels):
+            said.append(_instead(log, excited))
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
 
 
@@ -215,8 +230,12 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         if len(one.durations) < len(one.records):
             taken["min_duration", (f"{SHORT * max(one.durations):.2g}",)] = None
     options += taken
-    low, high = _band(used, inputs, outputs)
-    options.append(("band", (f"{low:.2g}", f"{high:.2g}")))
+    cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
+    if len(used) == 1 and cut:
+        options += [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
+    else:
+        low, high = _band(used, inputs, outputs)
+        options.append(("band", (f"{low:.2g}", f"{high:.2g}")))
     return Proposal("identify", tuple(one.path for one in used), tuple(options))
 
 

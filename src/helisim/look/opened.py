@@ -26,7 +26,7 @@ _ATTEMPTS = 4  # readings, each with the options that the last one asked for
 _FASTEST = 200.0  # Hz, at which channels of several clocks are looked at, at most
 _SHOWN = 8  # unused columns that are printed
 _BEST = 4  # responses to a control that are printed
-_QUIET = ("spikes", "frozen", "lost samples")  # findings that are only noted
+_QUIET = ("spikes", "frozen", "lost samples", "event")  # findings that are only noted
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     shown = tuple(used[name] for name in sorted(used))
     mapped = {*(one.column.column for one in seen), *(one.name for one in clocks.values())}
     unused = tuple(name for name in source.names if name not in mapped)
-    if not moving:
+    if not moving and clocks:
         text = f"{path}: no column looks like a channel that moves; say which is which"
         findings.refuse("channels", text, remedy=Option("channel", "NAME=COLUMN:UNIT"))
     found = LogLook(str(path), source.format, shown, seen, unused)
