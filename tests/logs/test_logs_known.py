@@ -74,7 +74,7 @@ def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
     assert (part.start, part.first_row) == (30.0, 12)
     filled = read_log(path, max_gap=math.inf, resample_hz=0.5)
     text = "  resampled to 0.5 Hz, low-pass filtered, unchanged up to 0.2 Hz"
-    gaps = "  repaired: 2 gaps, 70 % of the log, are interpolated"
+    gaps = "  repaired: 2 gaps, 70 % of the log, count as missing"
     assert str(filled.report).splitlines()[2:] == [text, gaps]
     assert filled.report.findings[0].rows == (12, 22)
     assert filled.record.time.tolist() == list(range(0, 61, 2))

@@ -35,6 +35,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.search import linear_parameters, minimum, scattered
 from helisim.ident.structure import Structure
+from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.record import FlightRecord, one_blas_thread, plain
 
 SHORT = 20.0
@@ -52,6 +53,7 @@ _GROWTH = math.log(1e6)  # logarithm of a motion's growth within a record that n
 # Lines over which the residuals' spectrum is averaged; as of a local estimate, no coherence is
 # larger than so many averages would show
 _COLOUR, _AVERAGES = 4.0, 8.0
+_HIDDEN = (0.2, 0.4, 0.6, 0.8)  # of a record on, as many samples more are hidden as are missing
 
 
 @one_blas_thread()
@@ -92,7 +94,10 @@ def identify_records(
     longest = max(one.duration for one in flights)
     sampled = max(one.sample_time for one in flights)
     edges = band or (2.0 * math.pi / longest, 0.2 * math.pi / sampled)
-    of = _Likelihood(structure, _transforms(flights, structure, edges))
+    turns = _HIDDEN if any(missing_of(one).any() for one in flights) else ()
+    hidden = [[with_more_missing(one, later) for one in flights] for later in turns]
+    lines, *fewer = (_transforms(some, structure, edges) for some in (flights, *hidden))
+    of = _Likelihood(structure, lines, fewer)
     x, agreeing, converged = _search(of, searches, seed, on_progress or (lambda _: None))
     _refuse_growth(structure, of.values(x), longest)
     data = _shown(of, x, flights)
@@ -183,8 +188,8 @@ def _with_ends(structure: Structure) -> Structure:
 class _Likelihood:
     """Whitened residuals of all lines without what the records' ends and trends explain."""
 
-    def __init__(self, structure: Structure, lines: _Lines) -> None:
-        self.structure, self.lines = structure, lines
+    def __init__(self, structure: Structure, lines: _Lines, fewer: Sequence[_Lines] = ()) -> None:
+        self.structure, self.lines, self._fewer = structure, lines, fewer
         self.names = [one.name for one in structure.free]
         self.limits = np.array([one.limits for one in structure.free]).reshape(-1, 2).T
         self._wide = _with_ends(structure)
@@ -281,6 +286,11 @@ class _Likelihood:
         slope = self.errors(x, [one.name for one in known])[1]
         carried = -(gain @ _parts(slope).T) * np.array([one.error for one in known])
         covariance = covariance + carried @ carried.T
+        for lines in self._fewer:
+            other = _Likelihood(self.structure, lines)
+            other.white = self.white
+            moved = gain @ (other.residual(x) - self.residual(x))
+            covariance += np.outer(moved, moved) / len(self._fewer)
         bound = np.where(seen, 2.0 * np.linalg.norm(gain, axis=1), np.inf)
         root = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
         correlation = np.clip(covariance / np.outer(root, root), -1.0, 1.0)

@@ -18,7 +18,7 @@ REPAIRS: dict[str, str] = {
     "frozen": "leave out stretches in which measured motion is frozen, and split the log there "
     "as at gaps",
     "gaps": "split the log at its gaps",
-    "missing": "interpolate cells without a number",
+    "missing": "take cells without a number for missing samples",
     "resets": "split the log where the clock goes back",
     "spikes": "interpolate single samples, or two, that stick out",
 }  # Repair -> its effect; each is done only on request

@@ -370,9 +370,8 @@ def _assembled(
     before = provenance.get("missing", {})
     for k, (time, values, part, lost) in enumerate(parts):
         rows = f"{head[3]}s {part.first_row} to {part.last_row}"
-        spans = told(time, list(taken), lost)
-        spans = {name: [*before.get(name, ()), *more] for name, more in spans.items()}
-        facts = {"missing": {**before, **spans}} if spans else {}
+        gone = {n: [*before.get(n, ()), *one] for n, one in told(time, list(taken), lost).items()}
+        facts = {"missing": {**before, **gone}} if gone else {}
         try:
             records.append(FlightRecord(time, values, channels, shared.extended(part=k, **facts)))
         except RecordError as error:

@@ -73,8 +73,7 @@ def cut(
                 if empty.any():
                     column[empty] = _between(*line, start, stop)(time[empty])
             part = replace(part, uneven=unevenness(inside, options.max_gap))
-            if part.uneven is None:
-                values = completed(values, holes, (time.size - 1) / part.duration)
+            values = completed(values, holes, (time.size - 1) / part.duration)
             made.append(Cut(time, values, part, holes))
         else:
             values, gone = _resampled(lines, time, stop, rate, factor)
@@ -136,7 +135,7 @@ def _note_bridged(samples: Samples, max_gap: float, findings: Findings) -> None:
     wide = np.flatnonzero((steps > _limit(steps, None)) & (steps <= max_gap))
     if wide.size:
         share = 100.0 * float(np.sum(steps[wide])) / float(samples.time[-1] - samples.time[0])
-        text = f"{wide.size} gaps, {share:.2g} % of the log, are interpolated"
+        text = f"{wide.size} gaps, {share:.2g} % of the log, count as missing"
         rows = tuple(samples.rows[wide + 1].tolist())
         findings.note("bridged gap", text, wide.size, rows, repaired=True)
 
@@ -157,7 +156,7 @@ def _report_gaps(samples: Samples, gaps: Array, options: Options, findings: Find
     if widths.size >= _MANY and usual <= _SHORT:
         allowed = float(f"{1.1 * usual:.2g}")
         advice = (
-            "most are short, as of a logger that drops samples: interpolate those of up to "
+            "most are short, as of a logger that drops samples: bridge those of up to "
             f"{allowed:g} s (max_gap), and {advice}"
         )
         remedy = f"max_gap={allowed:g},repair=gaps"

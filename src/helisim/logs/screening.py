@@ -86,7 +86,7 @@ def note_lost_samples(samples: Samples, options: Options, findings: Findings) ->
         filled = options.resample_hz is not None
         text = (
             f"{samples.counts} {rows[0]}: {count} samples were lost in {len(rows)} places; "
-            f"{'interpolated' if filled else 'resample the log'}"
+            f"{'they count as missing' if filled else 'resample the log'}"
         )
         remedy = "" if filled else f"resample={float(f'{1.0 / median:.3g}'):g}"
         findings.note("lost samples", text, count, rows, repaired=filled, remedy=remedy)

@@ -202,8 +202,8 @@ def check_missing(samples: Samples, options: Options, findings: Findings) -> Non
         holes = np.flatnonzero(np.isnan(values))
         if holes.size:
             what = f"no number ({holes.size} of {values.size} numbers are missing)"
-            done = "interpolated" if "missing" in options.repair else None
-            advice = "interpolate with the repair 'missing', or cut the log"
+            done = "taken for missing samples" if "missing" in options.repair else None
+            advice = "take them for missing samples with the repair 'missing', or cut the log"
             said = what, done, advice, "repair=missing", taken.heading
             samples.report(findings, "missing number", holes, *said)
 

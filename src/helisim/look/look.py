@@ -94,7 +94,7 @@ def look(
         time: as in `read_log`.
         resample_hz: rate to resample to, Hz; default as recorded.
         repair: see `REPAIRS`; what else is needed is done, and reported.
-        max_gap: longest gap that is interpolated, s.
+        max_gap: longest gap that is bridged, its samples missing, s.
         start: what is earlier is left out, s after the log's first stamp.
         stop: what is later is left out, s after the log's first stamp.
 

@@ -138,17 +138,17 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
         both = _returned(log.table(pid), rate, output, time, tick) if pid in log else None
         lines = [_added(log, rate, tick), *(both or [_line(rate.time, rate[output])])]
         gone = np.column_stack([in_gaps(stamps, time, period) for stamps, _ in lines])
-        values = np.column_stack([_between(*line, time) for line in lines])
-        values = completed(values, gone, 1.0 / period)
+        values = completed(
+            np.column_stack([_between(*line, time) for line in lines]), gone, 1.0 / period
+        )
         if both is None:
             values = np.column_stack([values, values[:, 1] - values[:, 0]])
             gone = np.column_stack([gone, gone.any(axis=1)])
         names = (f"{axis}_disturbance", f"{axis}_sum", axis)
         channels = tuple(Channel(name, "1", "OTHER") for name in names)
-        steps = np.arange(time.size, dtype=np.float64) * period
+        steps = np.arange(time.size) * period
         made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
-        if gone.any():
-            made["missing"] = told(steps, names, gone)
+        made |= {"missing": told(steps, names, gone)} if gone.any() else {}
         found.append(FlightRecord(steps, values, channels, made))
         if aims is not None and aim in aims.columns:
             here = (aims.time >= time[0]) & (aims.time <= time[-1])

@@ -322,10 +322,9 @@ class Inferred:
         facts = {**record.provenance, "sweep": sweep.to_dict()}
         if spans := dict(record.provenance.get("missing", {})):
             injected, of_side = spans.pop(_INJECTED, None), [spans.get(one, ()) for one in _SIDE_OF]
-            spans |= {axis.name: injected for axis in self.injected if injected}
-            if place is not None and any(of_side):
-                spans[_SIDE] = [*chain.from_iterable(of_side)]
-            facts["missing"] = spans
+            side = [*chain.from_iterable(of_side)] if place is not None else []
+            more = dict.fromkeys((axis.name for axis in self.injected), injected) | {_SIDE: side}
+            facts["missing"] = spans | {name: one for name, one in more.items() if one}
         return FlightRecord(record.time, values, tuple(channels), facts)
 
     def __str__(self) -> str:

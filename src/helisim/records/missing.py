@@ -19,14 +19,14 @@ Bools = NDArray[np.bool_]
 
 # usual steps between two samples from which one is missing; from a sample, where it is known by it
 _MISSED, _NEAR = 1.6, 0.25
-_MEMORY = 0.1  # s: shorter than a rotor's or a servo's answer, so that the order shows it
-# samples of a window for each coefficient of a row of the model, rows without a gap at least (else
-# all count), and s at least: a sweep changes little in it
-_FULL, _LEAST, _SLOW = 8, 3, 4.0
-_TURNS = 4  # of a model that all rows make, filled ones too: each is nearer by what isn't lost
-# of variances, which keep sums of channels apart, and of a diagonal, near what rounding leaves
-_RIDGE, _FLOOR, _SINGULAR = 1e-6, 1e-9, 1e-12
-_HUGE = 1e100  # values whose squares can be summed
+# s of a model's memory, in which a rotor's or a servo's answer shows, and of a window, in which a
+# sweep changes little; a window's samples for each coefficient of a row of the model
+_MEMORY, _SLOW, _FULL = 0.1, 4.0, 8
+# rows without a gap that a coefficient needs, and of all; else turns with all rows, each nearer
+_LEAST, _SHARE, _TURNS = 3, 1.0 / 3.0, 8
+_ELSEWHERE = 1e-4  # weight of the whole record's rows beside a window's: they tell what it does not
+# of variances, which keep sums of channels apart; of a diagonal, near what rounding leaves of it
+_RIDGE, _FLOOR, _SINGULAR = 1e-6, 1e-9, 1e-11
 
 
 def in_gaps(known: Real, time: Real, step: float) -> Bools:
@@ -46,60 +46,57 @@ def completed(values: Real, missing: Bools, rate: float) -> Real:
 
     Where samples are too few for a model they are as they were.
     """
-    n, found = len(values), values.copy()
     live = np.flatnonzero(np.any(values != values[0], axis=0))
-    order = min(max(round(_MEMORY * rate), 2), n // (4 * max(live.size, 1)))
-    if not missing.any() or order < 2 or not np.all(np.abs(values) < _HUGE):
-        return found
+    n, order = len(values), min(max(round(_MEMORY * rate), 2), len(values) // (4 * live.size + 1))
+    if not missing.any() or order < 2 or not np.all(np.abs(values) < 1e100):  # squares have a sum
+        return values
+    middle, size = values[:, live].mean(axis=0), np.maximum(values[:, live].std(axis=0), 1e-300)
+    part, lost = (values[:, live] - middle) / size, missing[:, live]
+    full = np.convolve(lost.any(axis=1), np.ones(order + 1))[order:n] < 0.5
+    enough = np.count_nonzero(full) >= max(_LEAST * order * live.size, _SHARE * n)
     width = min(max(_FULL * order * live.size, round(_SLOW * rate)), n)
     edge = min(4 * order, width // 4)
-    for start in np.unique(np.minimum(np.arange(0, n, width - 2 * edge), n - width)).tolist():
-        part, lost = values[start : start + width, live], missing[start : start + width, live]
-        middle, size = part.mean(axis=0), np.maximum(part.std(axis=0), 1e-300)
-        try:
-            made = _expected((part - middle) / size, lost, order) * size + middle
-        except np.linalg.LinAlgError:  # it stays as it was, and counts as missing all the same
-            continue
-        inner = slice(edge * (start > 0), width - edge * (start + width < n))
-        rows = np.arange(start, start + width)[inner]
-        found[np.ix_(rows, live)] = np.where(lost[inner], made[inner], found[np.ix_(rows, live)])
+    for _ in range(1 if enough else _TURNS):
+        rows = np.concatenate([part[order - k : n - k] for k in range(order + 1)], axis=1)
+        rows, made = rows * (full if enough else full | True)[:, None], part.copy()
+        whole = _ELSEWHERE * (rows.T @ rows)
+        for start in np.unique(np.minimum(np.arange(0, n, width - 2 * edge), n - width)).tolist():
+            inner = slice(start + edge * (start > 0), start + width - edge * (start + width < n))
+            if lost[inner].any():
+                taps = _model(rows[start : start + width - order], whole, live.size)
+                got = _smoothed(part[start : start + width], lost[start : start + width], taps)
+                made[inner] = got[inner.start - start : inner.stop - start]
+        part = np.where(lost, made, part)
+    found = values.copy()
+    found[:, live] = np.where(lost, part * size + middle, values[:, live])
     return found
 
 
-def _expected(part: Real, lost: Bools, order: int) -> Real:
-    """Return a window, (n_time, n_channel) of variance 1 at most, with expectations of the lost."""
-    if not lost.any():
-        return part
-    full = np.convolve(lost.any(axis=1), np.ones(order + 1))[order : len(part)] < 0.5
-    enough = np.count_nonzero(full) >= _LEAST * order * part.shape[1]
-    for _ in range(1 if enough else _TURNS):
-        part = _smoothed(part, lost, _model(part, full if enough else full | True, order))
-    return part
+def _model(rows: Real, whole: Real, channels: int) -> Real:
+    """Return the filter to white noise of variance 1, (order + 1, n_channel, n_channel).
 
-
-def _model(part: Real, rows: Bools, order: int) -> Real:
-    """Return the filter to white noise of variance 1, (order + 1, n_channel, n_channel)."""
-    n, channels = part.shape
-    past = np.concatenate([part[order - k - 1 : n - k - 1] for k in range(order)], axis=1)[rows]
-    normal = past.T @ past + _RIDGE * len(past) * np.eye(past.shape[1])
-    ahead = np.linalg.solve(normal, past.T @ part[order:][rows])
-    left = part[order:][rows] - past @ ahead
-    spread = left.T @ left / len(left)
-    spread += (_FLOOR * np.trace(spread) / channels + 1e-15) * np.eye(channels)
-    white = np.linalg.cholesky(np.linalg.inv(spread)).T
-    taps = ahead.reshape(order, channels, channels).swapaxes(1, 2)
-    return np.concatenate([white[None], -white @ taps])
+    `rows`, (n_row, (order + 1) n_channel), are a window's samples with those before, and `whole`
+    the squares of all.
+    """
+    count = max(np.count_nonzero(np.any(rows, axis=1)), 1)
+    squares = (rows.T @ rows + whole) / count
+    past, mixed = squares[channels:, channels:], squares[channels:, :channels]
+    ahead = np.linalg.solve(past + _RIDGE * np.eye(len(past)), mixed)
+    filter_ = np.concatenate([np.eye(channels), -ahead])
+    left = rows @ filter_
+    value, vector = np.linalg.eigh((left.T @ left + filter_.T @ whole @ filter_) / count)
+    white = (vector / np.sqrt(np.maximum(value, _FLOOR * np.mean(value) + _SINGULAR))).T
+    return white @ filter_.reshape(-1, channels, channels).swapaxes(1, 2)
 
 
 def _smoothed(part: Real, lost: Bools, taps: Real) -> Real:
     """Return the window whose lost samples make the least of the filter's squares."""
     from scipy.linalg import solveh_banded  # slow to import
 
-    order = len(taps) - 1
-    around = ((order, order), (0, 0))  # so that samples at the ends have all their equations
+    around = ((len(taps) - 1, len(taps) - 1), (0, 0))  # so samples at the ends have all equations
     part = np.pad(np.where(lost, 0.0, part), around)
     lost = np.pad(lost, around, constant_values=True)
-    n = len(part)
+    n, order = len(part), len(taps) - 1
     noise = sum(part[order - k : n - k] @ tap.T for k, tap in enumerate(taps))
     pull = np.sum([np.pad(noise @ one, ((order - k, k), (0, 0))) for k, one in enumerate(taps)], 0)
     place = np.where(lost, np.cumsum(lost).reshape(lost.shape) - 1, -1)
@@ -111,8 +108,7 @@ def _smoothed(part: Real, lost: Bools, taps: Real) -> Real:
         entries.append((row[at] - column[at], column[at], block[at[1], at[2]]))
     below, column, value = (np.concatenate(one) for one in zip(*entries))
     band = np.zeros((int(below.max()) + 1, int(place.max()) + 1))
-    band[below, column] = value
-    band[0] *= 1.0 + _SINGULAR
+    band[below, column] = value * (1.0 + _SINGULAR * (below == 0))
     part[lost] = solveh_banded(band, -pull[lost], lower=True)
     return part[order:-order]
 
@@ -140,9 +136,9 @@ def missing_of(record: FlightRecord) -> Bools:
     return found
 
 
-def with_more_missing(record: FlightRecord) -> FlightRecord:
-    """Return a record with as many samples again hidden, elsewhere, and expected likewise."""
+def with_more_missing(record: FlightRecord, later: float = 0.5) -> FlightRecord:
+    """Return a record with as many more samples hidden, `later` of it on, and expected as well."""
     lost = missing_of(record)
-    more = lost | np.roll(lost, len(record) // 2, axis=0)
+    more = lost | np.roll(lost, round(later * len(record)), axis=0)
     values = completed(record.values, more, 1.0 / record.sample_time)
     return replace(record, values=values)

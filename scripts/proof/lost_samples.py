@@ -1,0 +1,165 @@
+"""Lost samples beside whole records: values inside their bounds, figures inside their intervals.
+
+Flights of the six truths of `scripts/proof/verdicts.py` lose samples in all channels at once, in
+bursts of 20 to 250 ms or one by one; they are read and identified beside the truth. With logs
+of ArduPilot's mode SystemID, messages are cut out of these: in bursts of 20 to 250 ms, one by one,
+and as a full buffer loses them, four of five in bursts of 5 to 80 ms. What `helisim identify` and
+`helisim margins` tell of the rest stands beside what they tell of the whole log.
+
+    python scripts/proof/lost_samples.py [--seeds 2] [--only yaw,bursts] [LOG ...]
+
+A bound is the Cramer-Rao bound that is printed beside a value. The exit status is 1 if a value lies
+outside its bound, a figure's interval doesn't hold that of the whole log, or a fit is sound with a
+main parameter more than three stated errors (and 1 %) off.
+"""
+
+import argparse
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import verdicts
+
+from helisim.ident import Fit, identify, structures
+from helisim.logs import screen
+from helisim.logs.dataflash import DataFlash
+from helisim.look.loops import flown_loops
+from helisim.look.systemid import estimate_fits, infer
+from helisim.records.record import FlightRecord
+
+CASES = (("bursts", 0.16), ("single", 0.08), ("single", 0.28), ("buffer", 0.18), ("buffer", 0.28))
+KEPT = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "MODE", "SIDS", "VER", "DSF"}
+LENGTHS = {"bursts": (0.02, 0.25), "buffer": (0.005, 0.08)}  # s
+SPILT = 0.8  # of messages that a full buffer loses
+MAX_GAP = 1.0  # s, as of SystemID's logs
+
+
+def lost(time: np.ndarray, kind: str, share: float, dice: np.random.Generator) -> np.ndarray:
+    """Return which of the samples at (n_time,) s are lost, about a share of them."""
+    if kind == "single":
+        return dice.random(time.size) < share
+    spilt = SPILT if kind == "buffer" else 1.0
+    first, last = float(time.min()), float(time.max())
+    away = np.zeros(int(1e3 * (last - first)) + 2, bool)
+    while away.mean() < share / spilt:
+        at = int(dice.integers(away.size))
+        away[at : at + round(1e3 * dice.uniform(*LENGTHS[kind]))] = True
+    return away[(1e3 * (time - first)).astype(int)] & (dice.random(time.size) < spilt)
+
+
+def without(one: FlightRecord, kind: str, share: float, dice: np.random.Generator) -> FlightRecord:
+    """Return a record as it is read after samples were lost."""
+    keep = ~lost(one.time, kind, share, dice)
+    keep[[0, -1]] = True
+    left = FlightRecord(one.time[keep], one.values[keep], one.channels)
+    return screen(left, resample_hz=1.0 / one.sample_time, max_gap=MAX_GAP).record
+
+
+def cut(source: Path, target: Path, kind: str, share: float, seed: int) -> None:
+    """Write a DataFlash log without some of its messages; those that are written once stay."""
+    log, dice = DataFlash(source), np.random.default_rng(seed)
+    found = [
+        (places, np.full(places.size, layout.length), log.time(name, places))
+        for name, (layout, places) in log._types.items()
+        if layout.clock and name not in KEPT
+    ]
+    place, length, time = map(np.concatenate, zip(*found))
+    order = np.argsort(place)
+    gone = lost(time[order], kind, share, dice)
+    data = np.fromfile(source, np.uint8)
+    away = np.zeros(data.size + 1, np.int8)
+    away[place[order][gone]] += 1
+    np.add.at(away, (place + length)[order][gone], -1)
+    data[np.cumsum(away[:-1], dtype=np.int8) == 0].tofile(target)
+
+
+def fits(log: Path) -> dict[str, Fit]:
+    """Return what a log identifies, by structure."""
+    found = infer(log)
+    records = [record for one in found.read() for record in one.records]
+    return {
+        fit.structure: identify(frf, structures.named(fit.structure), band=fit.band)
+        for fit, frf in zip(found.fits, estimate_fits(records, found.fits))
+    }
+
+
+def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tuple[str, bool]:
+    """Return what a log tells beside the whole one's fits and figures, and whether all is held."""
+    count = inside = near = 0
+    worst, held, words = 0.0, True, []
+    for name, fit in fits(target).items():
+        words.append(fit.verdict.word)
+        for one in fit.parameters.values():
+            if one.definition.fixed:
+                continue
+            true = whole[name][one.name]
+            off = abs(one.value - true.value)
+            errors = off / float(np.hypot(one.standard_error, true.standard_error))
+            count, inside, near = (
+                count + 1,
+                inside + (off <= one.cramer_rao),
+                near + (errors <= 2.0),
+            )
+            worst = max(worst, errors)
+    figures = flown_loops(target).margins().figures
+    held = sum(one.interval.low <= loops[one.axis, one.name] <= one.interval.high for one in figures
+               if (one.axis, one.name) in loops)  # fmt: skip
+    seen = sum((one.axis, one.name) in loops for one in figures)
+    text = (
+        f"{inside} of {count} inside their bounds, {near} within two errors, the worst at "
+        f"{worst:.1f}; {held} of {seen} figures inside ({len(loops)} of {source.name}); "
+        f"{', '.join(words)}"
+    )
+    return text, inside == count and held == seen
+
+
+def judged(name: str, kind: str, share: float, seed: int) -> tuple[verdicts.Judged, bool]:
+    """Return the verdict on a truth's flights after a loss, and whether the bounds hold it."""
+    truth, dice = verdicts.TRUTHS[name], np.random.default_rng([seed, round(100 * share)])
+    records = [without(one, kind, share, dice) for one in verdicts.flights(truth, seed)]
+    found = verdicts.judged(truth, records)
+    return found, found.word != "sound" or found.errors <= verdicts.ERRORS
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("logs", type=Path, nargs="*", metavar="LOG")
+    parser.add_argument("--seeds", type=int, default=2, help="of each loss")
+    parser.add_argument("--only", default="", help="parts of names, with commas between")
+    o = parser.parse_args(arguments)
+    missed = 0
+    cases = [(kind, share) for kind, share in CASES if any(w in kind for w in o.only.split(","))]
+    cases = cases or list(CASES)
+    for name in [] if o.logs else verdicts.TRUTHS:
+        if not any(w in name for w in o.only.split(",") if w not in dict(CASES)) and o.only:
+            continue
+        for kind, share in cases:
+            found = [judged(name, kind, share, seed) for seed in range(o.seeds)]
+            missed += sum(not held for _, held in found)
+            words = ", ".join(one.word for one, _ in found)
+            off = max(one.errors for one, _ in found)
+            print(f"{name:18s}{kind:8s}{share:5.0%}  {words}; at most {off:.1f} errors", flush=True)
+    for log in o.logs:
+        whole = fits(log)
+        loops = {
+            (one.axis, one.name): one.interval.value for one in flown_loops(log).margins().figures
+        }
+        for kind, share in cases:
+            for seed in range(o.seeds):
+                with tempfile.TemporaryDirectory() as folder:
+                    target = Path(folder, log.name)
+                    cut(log, target, kind, share, seed)
+                    text, held = of_log(log, target, whole, loops)
+                missed += not held
+                print(f"{log.name:18s}{kind:8s}{share:5.0%} seed {seed}  {text}", flush=True)
+    print(f"not held: {missed}")
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    sys.exit(main())
