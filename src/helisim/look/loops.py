@@ -146,7 +146,7 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
             gone = np.column_stack([gone, gone.any(axis=1)])
         names = (f"{axis}_disturbance", f"{axis}_sum", axis)
         channels = tuple(Channel(name, "1", "OTHER") for name in names)
-        steps = np.arange(time.size) * period
+        steps = np.arange(time.size, dtype=np.float64) * period
         made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
         made |= {"missing": told(steps, names, gone)} if gone.any() else {}
         found.append(FlightRecord(steps, values, channels, made))
