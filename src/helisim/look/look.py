@@ -171,7 +171,8 @@ def _looked(log: LogLook) -> LogLook:
 
 def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
     """Return what to fly in place of a log that shows nothing."""
-    axes = dict.fromkeys(_AXIS[one.channel] for one in excited) or dict.fromkeys(IN1)
+    there = [one.name for one in log.channels if one.name in CONTROLS]
+    axes = dict.fromkeys(_AXIS[one] for one in [one.channel for one in excited] or there or IN1)
     least = math.ceil(_FLOWN_TO * SAMPLES_A_PERIOD / (2.0 * math.pi))
     mine = [one for one in log.channels if one.name in (*CONTROLS, *RATES) and one.rate < least]
     slow = ", ".join(f"{one.name} {one.rate:.3g}" for one in mine)
