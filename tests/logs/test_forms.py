@@ -26,6 +26,7 @@ def read(path, *names, time=None):
         ("time;p\n" + "\n".join(f"{t:.2f};{p:.9f}".replace(".", ",") for t, p in zip(T, P)), ()),
         ("# a table\n  t    p\n" + "\n".join(f"  {t:.2f}  {p:.9f} " for t, p in zip(T, P)), ()),
         ("\n".join(f"{t:.2f},{p:.9f}" for t, p in zip(T, P)), ("time", "p")),
+        ("t,p\nms,rad/s\n" + "\n".join(f"{1e3 * t:.2f},{p:.9f}" for t, p in zip(T, P)), ()),
         (
             "time,p\n" + "\n".join(f"2026-01-31T12:00:{t:09.6f}Z,{p:.9f}" for t, p in zip(T, P)),
             (),

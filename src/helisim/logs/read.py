@@ -28,7 +28,7 @@ from helisim.logs.report import OURS, Findings, Log, LogReport
 from helisim.logs.resample import cut
 from helisim.logs.screening import Channels, implausible, note_lost_samples, screened
 from helisim.logs.source import Source, file_digest
-from helisim.logs.tables import ArrayLog, ParquetLog, TextLog, is_arrays
+from helisim.logs.tables import ARRAYS, ArrayLog, ParquetLog, TextLog
 from helisim.logs.timing import (
     Options,
     Samples,
@@ -185,7 +185,7 @@ def _open(path: Path, map_: Map, content: str) -> Source:
     data = read_bytes(path)
     if data.startswith(_PARQUET_MAGIC):
         return ParquetLog(path, data)
-    if is_arrays(data):
+    if data.startswith(ARRAYS):
         return ArrayLog(path, data, map_.file.names)
     return TextLog(path, data, map_.file)
 

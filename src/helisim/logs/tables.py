@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, RecordError, StorageError
 from helisim.base.note import Option
 from helisim.base.text import shown
-from helisim.base.units import DATES, TIME_UNITS, time_unit
+from helisim.base.units import DATES, TIME_UNITS, is_unit, time_unit
 from helisim.logs.mapping import TIME_LIKE, TIME_NAMES, Clock, Layout, find_column, split_heading
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Source
@@ -31,8 +31,10 @@ _MISSING = frozenset(
 )  # Cells without a number, in lower case
 # Byte order marks, and their encodings.
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-_MATLAB, _MATLAB_HDF, _NUMPY, _ZIP = b"MATLAB ", b"MATLAB 7.3", b"\x93NUMPY", b"PK\x03\x04"
+_MATLAB, _MATLAB_HDF = b"MATLAB ", b"MATLAB 7.3"
+ARRAYS = (_MATLAB, b"\x93NUMPY", b"PK\x03\x04")  # how files of MATLAB and NumPy begin
 _STEPS = (0.002, 0.2)  # s, between samples: 500 to 5 Hz, as flight logs have
+_OF_TIME = {*TIME_UNITS, "sec", "seconds"}
 _TRIED = 9  # rows that show whether numbers have a decimal comma
 _LONG_STAMP = 1e6  # from here on, stamps are subtracted by their decimal digits
 
@@ -117,6 +119,9 @@ class TextLog(TimeTable):
                 f"of its {len(names)} columns",
                 remedy=Option("names", "A,B,..."),
             )
+        below = rows[0][1] if rows and not (layout.names or layout.skip) else []
+        if below and all(is_unit(one) or one.lower() in _OF_TIME for one in below):
+            names = [f"{name} [{unit}]" for name, unit in zip(names, rows.pop(0)[1])]
         super().__init__(path, names, self.findings)
         self._cells = [cells for _, cells in rows[layout.skip :]]
         some = [cell for row in self._cells[:_TRIED] for cell in row if not _is_number(cell)]
@@ -364,11 +369,6 @@ class ArrayLog(TimeTable):
         if unit == DATES or np.isnan(values).any():
             raise RecordError(f"{self.path}, column {name!r}: holds no dates, or not every time")
         return (values - values[0]) * TIME_UNITS[unit], f"{values[0]} {unit}"
-
-
-def is_arrays(data: bytes) -> bool:
-    """Return whether bytes are NumPy's or MATLAB's."""
-    return data.startswith((_MATLAB, _NUMPY, _ZIP))
 
 
 def _columns(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -219,8 +219,11 @@ def _answer(
     lines = 2.0 * np.pi * np.fft.rfftfreq(len(part), step)
     moved = (lines >= excited.low / _BESIDE) & (lines <= _BESIDE * excited.high)
     mine = np.sum(held[(lines >= low) & (lines <= high)])
-    few = excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS
-    if high < _NARROWEST * low or mine < _LEAST_SHARE * np.sum(held[moved]) or few:
+    if (
+        high < _NARROWEST * low
+        or mine < _LEAST_SHARE * np.sum(held[moved])
+        or (excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS)
+    ):
         return []
     structure = _OF_OTHERS.get(output)
     if structure is None:

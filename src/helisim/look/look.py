@@ -18,7 +18,6 @@ from helisim.look.excitation import (
     SAMPLES_A_PERIOD,
     WINDOWS,
     FoundExcitation,
-    Kind,
     answers,
     excitation,
     loops,
@@ -144,17 +143,20 @@ def _looked(log: LogLook) -> LogLook:
     found, said = answers(record, excited, rates), list(log.findings)
     if not found:  # what moved for a short while may have moved all along
         events = {one.channel: one for one in excited if one.kind != "motion"}
-        kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
         every = (
-            whole(record, name, kinds.get(name, "motion")) for name in CONTROLS if name in record
+            whole(record, name, events[name].kind if name in events else "motion")
+            for name in CONTROLS
+            if name in record
         )
         excited = _main([one for one in every if one is not None])
         found = answers(record, excited, rates)
         if found and found[0].input in events:
             excited, one = tuple(events.values()), events[found[0].input]
-            text = f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
             others = ", ".join(name for name in events if name != one.channel)
-            text += f"; {others} moved then, too, whose part can't be told from it" * bool(others)
+            text = (
+                f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
+                + f"; {others} moved then, too, whose part can't be told from it" * bool(others)
+            )
             limits = (max(one.start - _BEFORE, 0.0), one.stop + _AFTER)
             cut = tuple(Option(name, f"{at:.4g}") for name, at in zip(("from", "to"), limits))
             said.append(LogFinding("event", text, cut))
@@ -180,8 +182,9 @@ def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
         f"fly instead a sweep of {' and one of '.join(axes)}, thrice, of {_FLOWN:g} s from "
         f"{math.ceil(20.0 * math.pi * WINDOWS / _FLOWN) / 10.0:g} to {_FLOWN_TO:g} rad/s, other "
         f"controls at rest; log controls and rates at {least} Hz or more"
+        + f", not as here: {slow} Hz"
+        * bool(slow)
     )
-    text += f", not as here: {slow} Hz" * bool(slow)
     return LogFinding("fly", text)
 
 
