@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, lfilter
 
 from helisim.cli import main
 from helisim.ident import frequency_response
 from helisim.ident.feedback import answered
 from helisim.ident.frf import ClosedLoopWarning
+from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from script import loaded
 
@@ -36,6 +38,33 @@ def test_gusts_without_a_loop_and_a_loop_without_gusts_are_no_feedback(change):
         (records,) = gusts.fly(change(YAW), seed)
         frf = frequency_response(records, inputs="ped", outputs="r", band=(0.6, 25.0))
         assert frf.evidence == ()
+
+
+@pytest.mark.parametrize("reference", [None, ("PED", "LAT")])
+def test_the_answer_to_a_conditioning_input_is_no_feedback(reference):
+    # a mode that rings for 3 s after a sweep of the other axis has passed it
+    dice, step, records = np.random.default_rng(0), 0.02, []
+    servo = cont2discrete(([30.0], [1.0, 30.0]), step, "zoh")
+    own = cont2discrete(([60.0], [1.0, 1.5]), step, "zoh")
+    ringing = cont2discrete(([200.0, 0.0], [1.0, 0.6, 9.0]), step, "zoh")
+    every = round(step / gusts.FINE)
+    for k in range(4):
+        stick = 0.02 * gusts.sweeps(YAW, dice, 2)[::every]
+        stick[:, k % 2] *= 50.0
+        at = [lfilter(servo[0].ravel(), servo[1], one) for one in stick.T]
+        r = sum(lfilter(b.ravel(), a, u) for (b, a, _), u in zip((own, ringing), at))
+        columns = np.column_stack([*at, *stick.T, r + dice.normal(0.0, 0.01, len(r))])
+        names = map(gusts._channel, ("ped", "lat", "PED", "LAT", "r"))
+        records.append(FlightRecord(np.arange(len(r)) * step, columns, tuple(names)))
+    frf = frequency_response(
+        records,
+        inputs="ped",
+        conditioning="lat",
+        outputs="r",
+        band=(0.6, 25.0),
+        reference=reference,
+    )
+    assert not [note for note in frf.evidence if note.kind == "feedback"]
 
 
 def test_a_reference_that_answers_gusts_is_told():

@@ -44,13 +44,18 @@ _PAIRS = tuple(
 )
 
 
-def evidence(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> tuple[Note, ...]:
-    """Return what the records themselves say against a response, the gravest first."""
+def evidence(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, whole: FrequencyResponse
+) -> tuple[Note, ...]:
+    """Return what the records themselves say against a response, the gravest first.
+
+    `whole` is the response to all active inputs, those of `frf` and its conditioning inputs.
+    """
     inputs = (*frf.inputs, *frf.conditioning)
     with np.errstate(all="ignore"):
         lost = tuple(_filled(flights, (*inputs, *frf.outputs)))
         # straight lines in all channels at once look like noise that goes round a loop
-        loop = () if lost else tuple(_feedback(flights, frf, inputs, len(frf.inputs)))
+        loop = () if lost else tuple(_feedback(flights, whole, inputs, len(frf.inputs)))
         return (
             *_slopes(flights, frf),
             *_crossed(frf),
@@ -63,12 +68,18 @@ def evidence(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> tuple[N
 
 
 def joint_evidence(
-    flights: Sequence[FlightRecord], joint: FrequencyResponse, direct: FrequencyResponse
+    flights: Sequence[FlightRecord],
+    joint: FrequencyResponse,
+    direct: FrequencyResponse,
+    whole: FrequencyResponse,
 ) -> tuple[Note, ...]:
-    """Return what the records say against a joint response, from what they say of a direct one."""
+    """Return what the records say against a joint response, from what they say of a direct one.
+
+    `whole` is the joint response to all active inputs.
+    """
     told = tuple(note for note in direct.evidence if note.kind != "feedback")
     with np.errstate(all="ignore"):
-        loop = tuple(_feedback(flights, joint, joint.reference, len(joint.reference)))
+        loop = tuple(_feedback(flights, whole, joint.reference, len(joint.reference)))
         unbent = loop or len(told) == len(direct.evidence)  # or looked at already, by the inputs
         return (*told, *loop, *(() if unbent else _nonlinear(flights, joint, joint.reference)))
 

@@ -101,7 +101,9 @@ def frequency_response(
         between = method.cross_control(references)
         flags += _warned(_coherent(between, references, frequency), CrossControlWarning)
 
-    def estimated(names: tuple[str, ...]) -> FrequencyResponse:
+    def estimated(
+        names: tuple[str, ...], wanted: tuple[str, ...] = wanted, others: tuple[str, ...] = others
+    ) -> FrequencyResponse:
         found = method.estimate(wanted, measured, others, names)
         if poorer is not None:
             other = poorer.estimate(wanted, measured, others, names)
@@ -128,12 +130,15 @@ def frequency_response(
         )
 
     direct = estimated(())
-    direct = replace(direct, evidence=evidence(flights, direct))
+    active = (*wanted, *others)
+    whole = estimated((), active, ()) if others else direct
+    direct = replace(direct, evidence=evidence(flights, direct, whole))
     if not references:
         return direct
     joint = estimated(references)
     apart = _warned(_disagreements(joint, direct), ClosedLoopWarning)
-    told = joint_evidence(flights, joint, direct)
+    whole = estimated(references, active, ()) if others else joint
+    told = joint_evidence(flights, joint, direct, whole)
     return replace(joint, direct=direct, flags=flags + apart, evidence=told)
 
 

@@ -115,7 +115,7 @@ def identify_records(
         dropped=(),
         converged=converged,
         searches_agreeing=agreeing,
-        data=replace(data, evidence=evidence(flights, data)),
+        data=replace(data, evidence=evidence(flights, data, data)),
         options=plain(
             {"band_rad_s": band, "searches": searches, "seed": seed, "lines": of.lines.omega.size}
         ),
