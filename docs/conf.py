@@ -9,6 +9,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import helisim
 from helisim.cli import command_names, parser
+from helisim.cli.options import Parser
 
 os.environ["COLUMNS"] = "80"
 
@@ -42,16 +43,20 @@ class Commands(SphinxDirective):
     """What each command says of itself: its --help, under its name."""
 
     def run(self) -> list[nodes.Node]:
-        """Return a section a command."""
-        return [self._section(name) for name in command_names()]
+        """Return a section a command, within it those of its parts."""
+        return [self._section(parser([name]), "command", name) for name in command_names()]
 
-    def _section(self, name: str) -> nodes.Node:
-        (choices,) = (one.choices for one in parser([name])._actions if one.dest == "command")
-        section = nodes.section(ids=[name], names=[name])
-        section += nodes.title(text=f"helisim {name}")
-        text = choices[name].format_help()
+    def _section(self, whole: Parser, kind: str, name: str) -> nodes.Node:
+        (choices,) = (one.choices for one in whole._actions if one.dest == kind)
+        command = choices[name]
+        label = command.prog.replace(" ", "-")
+        section = nodes.section(ids=[label], names=[label])
+        section += nodes.title(text=command.prog)
+        text = command.format_help()
         section += nodes.literal_block(text, text, language="text")
         self.state.document.note_implicit_target(section, section)
+        for parts in (one.choices for one in command._actions if one.dest == "part"):
+            section += [self._section(command, "part", part) for part in parts]
         return section
 
 

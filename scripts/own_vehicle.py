@@ -56,7 +56,7 @@ def change(parameters: Path) -> None:
 
 
 def solve(folder: Path) -> None:
-    """Do what `helisim calibrate --write` and `helisim tune --write` do."""
+    """Do what `helisim vehicle calibrate --write` and `helisim tune --write` do."""
     (folder / "calibrated.toml").write_text(calibrated_text(folder), encoding="utf-8")
     settings = tune(hs.load(folder, tuned=False))
     text = to_toml(settings, "Written by own_vehicle.py.")

@@ -207,7 +207,7 @@ def flown(whose: str, log: Path) -> Path:
         axes = "roll,pitch,yaw,thrust" if whose == JR700 else "roll,pitch,yaw"
         sweeps = ["--script", script, "--axes", axes, "--log", str(log)]
         governor = ["--set", "drive.governor=ideal"] if whose == JR700 else []
-        command = [sys.executable, "-m", "helisim", "sitl", JR700, *sweeps, *governor]
+        command = [sys.executable, "-m", "helisim", "sitl", "--vehicle", JR700, *sweeps, *governor]
     else:
         command = [sys.executable, str(_OWN_HELICOPTER), str(log), whose]
     print(f"{whose} is flown", flush=True)

@@ -73,5 +73,5 @@ def test_the_wheel_holds_what_it_needs_and_finds_its_models(wheel, installed, tm
     folder = Path(run([installed / "python", "-c", code], tmp_path).strip())
     assert installed.parent in folder.parents
     assert ROOT not in folder.parents
-    assert json.loads(run([installed / "helisim", "linearize", "--json"], tmp_path))
+    assert json.loads(run([installed / "helisim", "vehicle", "linearize", "--json"], tmp_path))
     assert list(tmp_path.iterdir()) == []

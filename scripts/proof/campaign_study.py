@@ -6,7 +6,7 @@ and fall with the length of the records; and the shortest flight time that keeps
 within the paper's bounds of the truth. Conditions are the values of what the campaign varied.
 Where that is the sweeps' length alone, a coverage of 90 % is judged at each number and length.
 
-    helisim campaign scripts/campaigns/study.toml --out study
+    helisim study campaign scripts/campaigns/study.toml --out study
     python scripts/proof/campaign_study.py study
 
 Of two campaigns with the same seeds, what their difference moves is printed instead: for every

@@ -42,9 +42,9 @@ def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
 
 
 def test_linearize_prints_the_truth(capsys):
-    assert main(["linearize"]) == 0
+    assert main(["vehicle", "linearize"]) == 0
     assert "N_r" in capsys.readouterr().out
-    assert main(["linearize", "--inputs", "IN2", "--json"]) == 0
+    assert main(["vehicle", "linearize", "--inputs", "IN2", "--json"]) == 0
     model = json.loads(capsys.readouterr().out)
     assert len(model["A"]) == len(model["states"])
     assert model["inputs"] == ["COL", "LON", "LAT", "PED"]
@@ -69,7 +69,7 @@ def test_what_ardupilot_reads_of_a_model_and_of_a_vehicle_is_written(tmp_path, c
     model, out = tmp_path / "yaw.json", tmp_path / "heli.json"
     found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(model)
     words = ["--rpm", "1700", "--late", "r=0.0405", "--out", str(out)]
-    assert main(["ardupilot", str(model), *words]) == 0
+    assert main(["ardupilot", "export", str(model), *words]) == 0
     text = capsys.readouterr().out
     assert "Nped            30" in text
     assert f"Written: {out}" in text
@@ -78,7 +78,7 @@ def test_what_ardupilot_reads_of_a_model_and_of_a_vehicle_is_written(tmp_path, c
     assert values["time_delay_ped"] == 10.0
     assert values["nominal_rpm"] == pytest.approx(1700.0)
     path = tmp_path / "jr700.parm"
-    assert main(["parm", "jr700", "--out", str(path), "--quiet"]) == 0
+    assert main(["ardupilot", "parm", "--vehicle", "jr700", "--out", str(path), "--quiet"]) == 0
     shown = capsys.readouterr().out
     assert shown == path.read_text()
     assert "the command that holds 1 rad/s of p" in shown
@@ -116,7 +116,7 @@ def test_margins_need_no_option_of_a_record_and_names_of_other_columns(record, t
 
 def printed(capsys, *arguments):
     """Return the rows that the command prints, as numbers, by speed."""
-    assert main(["trim", *arguments]) == 0
+    assert main(["vehicle", "trim", *arguments]) == 0
     text = capsys.readouterr().out
     assert max(len(line) for line in text.splitlines() if "Written" not in line) <= 80
     rows = [line.split() for line in text.splitlines() if re.match(r"^ +[\d.]+ +[\d.]+ ", line)]

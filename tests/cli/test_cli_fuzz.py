@@ -39,7 +39,7 @@ OPTIONS = {
         *(*READING[:-2], "--axis", "--at", "--injected", "--total", "--returned"),
         *("--band", "--late"),
     ),
-    "linearize": ("--inputs", "--set"),
+    "vehicle linearize": ("--inputs", "--set"),
     "fly": ("--amplitude", "--set", "--fault", "--integrator", "--turbulence", "--wind", "--axis"),
     "structures": ("",),
 }
@@ -48,7 +48,7 @@ SOUND = {
     "frf": ["--inputs", "lat", "--outputs", "p", "--band", "2", "20"],
     "identify": ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--quiet"],
     "margins": ["--axis", "lat", "--injected=lat", "--returned=p", "--quiet", "--band", "4", "20"],
-    "linearize": [],
+    "vehicle linearize": [],
     "fly": ["--axis", "lat", "--duration", "13", "--quiet", "--out"],
     "structures": [],
 }
@@ -92,7 +92,7 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
     place = [str(folder / "r.parquet")] if command in LOGS else []
     sound = [*SOUND[command], *([str(folder / "out.csv")] if command == "fly" else [])]
     before = sorted(folder.iterdir())
-    status, lines = outcome([command, *place, *sound, *given_])
+    status, lines = outcome([*command.split(), *place, *sound, *given_])
     assert status in ((0, 1, 2, 3) if command == "fly" else (0, 1, 2)), given_
     if status == 2:
         # of logs every fault is told at once, a line each below the first
@@ -146,7 +146,7 @@ def test_nothing_is_written_outside_the_folder_that_is_named(tmp_path, monkeypat
         [*flight[:-1], str(out / "lat.csv")],
         ["frf", record, "--inputs", "lat", "--outputs", "p", "--json", str(out / "f.json")],
         ["identify", record, "--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p"],
-        ["linearize", "--json"],
+        ["vehicle", "linearize", "--json"],
         ["structures", "heave"],
     ]
     commands[3] += ["--json", model]

@@ -16,7 +16,7 @@ from closed_loops import flown, known_loop
 from command import fails
 from exact_fits import found
 from helisim import ident
-from helisim.cli import command_names, main
+from helisim.cli import _COMMANDS, command_names, main
 from helisim.cli.options import progress, wrapped
 from helisim.records.storage import write_record
 from swept_logs import BAD, csv_writer
@@ -69,7 +69,8 @@ def test_too_large_a_task_is_one_line(monkeypatch, capsys):
         raise MemoryError("Unable to allocate 1 TiB")
 
     monkeypatch.setattr("helisim.vehicle.load", allocate)
-    assert "too much for this machine: Unable to allocate 1 TiB" in fails(capsys, "linearize")
+    said = fails(capsys, "vehicle", "linearize")
+    assert said == "helisim vehicle linearize: too much for this machine: Unable to allocate 1 TiB"
 
 
 class Terminal(io.StringIO):
@@ -77,17 +78,36 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("command", ["", *command_names()])
-def test_help_fits_80_columns(capsys, monkeypatch, command):
+@pytest.mark.parametrize("command", ["", *_COMMANDS])
+def test_help_fits_60_lines_of_80_columns(capsys, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "80")
     with pytest.raises(SystemExit):
-        main([*([command] if command else []), "--help"])
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+        main([*filter(None, command.split("_")), "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 60
+    assert max(map(len, lines)) <= 80
 
 
-@pytest.mark.parametrize("command", ["structures", "linearize", "errata"])
+@pytest.mark.parametrize("words", [[], ["vehicle"], ["study"], ["ardupilot"]])
+def test_a_command_without_its_rest_prints_its_help(capsys, words):
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 0
+    assert capsys.readouterr().out.startswith(" ".join(["usage: helisim", *words]))
+
+
+def test_the_help_has_every_command_by_its_task(capsys):
+    with pytest.raises(SystemExit):
+        main([])
+    lines = capsys.readouterr().out.splitlines()
+    assert sorted(name for name in command_names() if any(f"  {name} " in x for x in lines)) == (
+        command_names()
+    )
+
+
+@pytest.mark.parametrize("command", ["structures", "vehicle linearize", "study errata"])
 def test_lists_fit_80_columns(capsys, command):
-    assert main([command]) == 0
+    assert main(command.split()) == 0
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
     assert "\x1b" not in out

@@ -13,17 +13,17 @@ from made_run import make_flight, write_run
 def test_a_log_becomes_a_recording(tmp_path, capsys):
     log, out = tmp_path / "a.parquet", tmp_path / "a.rrd"
     write_record(make_flight(), log)
-    assert main(["record", str(log), "--out", str(out)]) == 0
+    assert main(["rerun", str(log), "--out", str(out)]) == 0
     assert f"rerun {out}" in capsys.readouterr().out
     assert out.stat().st_size > 0
-    assert main(["record", str(log), "--out", str(out), "--quiet"]) == 0
+    assert main(["rerun", str(log), "--out", str(out), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
 
 
 @pytest.mark.slow
 def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
     write_run(tmp_path)
-    assert main(["record", str(tmp_path), "--out", str(tmp_path / "run.rrd")]) == 0
+    assert main(["rerun", str(tmp_path), "--out", str(tmp_path / "run.rrd")]) == 0
     capsys.readouterr()
     assert main(["report", str(tmp_path)]) == 0
     assert f"Written: {tmp_path / 'report.html'}" in capsys.readouterr().out
@@ -41,10 +41,10 @@ def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
     for path in both:
         write_record(make_flight(vehicle=Path(path).stem), path)
     out = ["--out", str(tmp_path / "a.rrd")]
-    assert main(["record", both[0], *out]) == 0
+    assert main(["rerun", both[0], *out]) == 0
     assert drawn[0].startswith(b"blade360 ")
     capsys.readouterr()
-    assert "'blade360', 'jr700'" in fails(capsys, "record", *both, *out)
+    assert "'blade360', 'jr700'" in fails(capsys, "rerun", *both, *out)
 
 
 WRITE = """

@@ -61,7 +61,7 @@ def test_the_remedy_is_a_command_to_be_typed_where_one_is(own, monkeypatch, caps
     spaced = own.rename(own.with_name("my own"))
     monkeypatch.chdir(own.parent)
     assert main(["vehicle", "check", str(spaced), "--quiet"]) == 2
-    assert "to make it (helisim calibrate 'my own' --write)" in capsys.readouterr().out
+    assert "to make it (helisim vehicle calibrate 'my own' --write)" in capsys.readouterr().out
 
 
 def _change(path, old, new):

@@ -80,11 +80,11 @@ def test_a_recording_asks_for_the_vehicle_that_flew(myheli, tmp_path, capsys):
     path = tmp_path / "ped.parquet"
     write_record(record, path)
     out = tmp_path / "ped.rrd"
-    message = fails(capsys, "record", path, "--out", out)
+    message = fails(capsys, "rerun", path, "--out", out)
     assert "flown by 'myheli'" in message
     assert "--vehicle PATH" in message
     assert not out.exists()
-    assert main(["record", str(path), "--out", str(out), "--vehicle", str(myheli), "--quiet"]) == 0
+    assert main(["rerun", str(path), "--out", str(out), "--vehicle", str(myheli), "--quiet"]) == 0
     assert out.stat().st_size > 0
 
 

@@ -143,4 +143,4 @@ def test_a_motor_needs_its_numbers_and_its_power(tmp_path, capsys):
     assert load(own).trim.throttle == 0.0
     with pytest.raises(ModelError, match=r"positive drive\.inertia \(kg m\^2\), got 0"):
         load(own, parameters=MOTOR)
-    assert "drive.inertia" in fails(capsys, "trim", own, "--set", "drive.governor=motor")
+    assert "drive.inertia" in fails(capsys, "vehicle", "trim", own, "--set", "drive.governor=motor")

@@ -27,8 +27,8 @@ from helisim.vehicle.swashplate import TipPathPlane
 def made(folder, **contents):
     """Build a vehicle, calibrate and tune it by the commands, and return its folder."""
     heron.build(folder, **contents)
-    assert main(["calibrate", str(folder), "--write", "--quiet"]) == 0
-    assert main(["tune", str(folder), "--write", "--quiet"]) == 0
+    assert main(["vehicle", "calibrate", str(folder), "--write", "--quiet"]) == 0
+    assert main(["tune", "--vehicle", str(folder), "--write", "--quiet"]) == 0
     return folder
 
 
@@ -94,7 +94,7 @@ def test_a_calibration_that_can_not_be_is_one_line(tmp_path, capsys, old, new, m
     assert old in text
     file.write_text(text.replace(old, new))
     before = sorted(there.iterdir())
-    assert message in fails(capsys, "calibrate", there, "--write", "--quiet")
+    assert message in fails(capsys, "vehicle", "calibrate", there, "--write", "--quiet")
     assert sorted(there.iterdir()) == before
 
 
@@ -187,8 +187,8 @@ def heavy_heron(folder, inertia=0.0115):
 @pytest.mark.slow
 def test_a_folder_may_give_the_inertia(tmp_path, capsys):
     there = heavy_heron(tmp_path / "swung")
-    assert main(["calibrate", str(there), "--write", "--quiet"]) == 0
-    assert main(["tune", str(there), "--write", "--quiet"]) == 0
+    assert main(["vehicle", "calibrate", str(there), "--write", "--quiet"]) == 0
+    assert main(["tune", "--vehicle", str(there), "--write", "--quiet"]) == 0
     solved = tomllib.loads((there / "calibrated.toml").read_text())
     assert "tau_f" not in solved["flapping"]
     vehicle = hs.load(there)
@@ -208,7 +208,7 @@ def test_a_target_beside_the_inertia_is_refused(tmp_path, capsys):
     file = there / "parameters.toml"
     line = 'tau_f = { value = 0.04, unit = "s", source = "flown" }\n'
     file.write_text(file.read_text().replace("[targets]\n", "[targets]\n" + line))
-    said = fails(capsys, "calibrate", there, "--quiet")
+    said = fails(capsys, "vehicle", "calibrate", there, "--quiet")
     assert "main_rotor.blade_inertia and the target tau_f both say how fast" in said
 
 

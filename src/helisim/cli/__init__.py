@@ -4,12 +4,14 @@ Exit status: 0 all is well, 1 the result misses a tolerance or a guideline, 2 th
 fault, 3 a flight was terminated early, 130 interrupted, 141 a broken pipe.
 """
 
+import argparse
 import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
 from helisim import __version__
 from helisim.base.errors import DivergedError, HelisimError, LogError
@@ -25,28 +27,37 @@ _EXAMPLES = """\
 examples:
   helisim reproduce --out reproduction      the paper's experiment, end to end
   helisim fly --axis lat --out lat.parquet  one lateral sweep
-  helisim linearize --json                  the exact linear model, for a script
   helisim identify lat.parquet lon.parquet --structure rollpitch_speeds \\
       --json model.json
   helisim verify model.json doublet.parquet
 """
+_TASKS = {
+    "fly": "reproduce fly view sitl report rerun",
+    "identify": "look frf identify verify structures examples",
+    "control": "design margins tune",
+    "groups": "vehicle study ardupilot",
+}  # What one does -> the commands for it, as the help has them
 _MODULES = {
-    "autopilot": "ardupilot parm sitl",
+    "autopilot": "sitl ardupilot ardupilot_parm ardupilot_export",
     "design": "design margins",
     "fitting": "identify structures verify",
     "flying": "fly view",
-    "logs": "examples frf look record",
-    "study": "campaign errata recover report reproduce",
-    "vehicle": "bench calibrate linearize trim tune vehicle vehicle_new vehicle_check "
-    "vehicle_build vehicle_list",
+    "logs": "examples frf look rerun",
+    "study": "report reproduce study study_recover study_campaign study_errata",
+    "vehicle": "tune vehicle vehicle_list vehicle_new vehicle_check vehicle_build "
+    "vehicle_linearize vehicle_trim vehicle_bench vehicle_calibrate",
 }  # Module -> its commands, one with parts ahead of them
 _COMMANDS = {name: module for module, words in _MODULES.items() for name in words.split()}
+_MOVED = {"record": "rerun"} | {
+    name.partition("_")[2]: name.replace("_", " ") for name in _COMMANDS if "_" in name
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    options = parser(words).parse_args(words)
+    bare = {"", *(name.partition("_")[0] for name in _COMMANDS if "_" in name)}
+    options = parser(words).parse_args([*words, "--help"] if " ".join(words) in bare else words)
     status = 2
     try:
         with _messages(quiet=getattr(options, "quiet", False)):
@@ -69,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         said = f"too much for this machine: {error}"
     except KeyboardInterrupt:
         said, status = "interrupted", 130
-    print(f"helisim {options.command}: {said}", file=sys.stderr)
+    print(f"{options.parser.prog}: {said}", file=sys.stderr)
     return status
 
 
@@ -110,18 +121,29 @@ def parser(words: Sequence[str] = ()) -> Parser:
         epilog=_EXAMPLES,
     )
     whole.add_argument("--version", action="version", version=f"helisim {__version__}")
-    commands = whole.add_subparsers(
-        dest="command", required=True, metavar="COMMAND", parser_class=Parser
+    if named in _MOVED and named not in known:
+        whole.error(f"there is no command {named!r}: it is helisim {_MOVED[named]}")
+    whole.usage = "helisim COMMAND [options]"
+    commands: Any = whole.add_subparsers(
+        dest="command", prog="helisim", help=argparse.SUPPRESS, parser_class=Parser, required=True
     )
     for name in wanted:
         command = _add(commands, name, name)
         parts = [one for one in _COMMANDS if one.startswith(f"{name}_")]
         if parts:
             inner = command.add_subparsers(
-                dest="part", required=True, metavar="PART", parser_class=Parser
+                dest="part",
+                prog=command.prog,
+                metavar="PART",
+                parser_class=Parser,
+                required=True,
             )
             for part in parts:
                 _add(inner, part, part.removeprefix(f"{name}_"))
+    said = {one.dest: one.help for one in commands._choices_actions}
+    for task, names in _TASKS.items():
+        lines = [f"  {name:<12}{said[name]}" for name in names.split() if name in said]
+        whole.description += "\n".join(["\n", f"{task}:", *lines])
     return whole
 
 

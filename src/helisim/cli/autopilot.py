@@ -49,7 +49,7 @@ def sitl(o: Options) -> int:
         --script NAME  hover, sysid[,NAME=VALUE...] or your own FILE.py; see below
         --log FILE <.bin>  keep ArduPilot's log, .bin
         --ardupilot FILE <text>  arducopter-heli (default: HELISIM_ARDUPILOT)
-        --parm FILE  parameters (default: VEHICLE.parm, or of helisim parm)
+        --parm FILE  parameters (default: VEHICLE.parm, or of helisim ardupilot parm)
         --axes AXIS,... <names>  of sysid (default: roll,pitch,yaw,thrust)
         options:
         --record FILE <.parquet .csv>  write the true motion, .parquet or .csv, numbered
@@ -58,10 +58,10 @@ def sitl(o: Options) -> int:
         @quiet
 
     examples:
-      helisim parm jr700 --out jr700.parm
+      helisim ardupilot parm --vehicle jr700 --out jr700.parm
       helisim sitl                               then, elsewhere:
         arducopter-heli --model JSON:127.0.0.1 --defaults jr700.parm
-      helisim sitl blade360 --port 9012          for ArduPilot's instance 1, -I 1
+      helisim sitl --vehicle blade360 --port 9012     for ArduPilot's instance -I 1
       helisim sitl --script sysid --axes roll,pitch,yaw,thrust --log out.bin
 
     ArduPilot begins once a ground station is on its TCP port 5760, and sets the
@@ -125,7 +125,7 @@ def _listening(o: Options, link: "Link") -> str:
     return (
         f"{name} stands on the ground, rotor stopped. Listening on UDP {link.address}:"
         f"{link.port}{how_long}; start ArduPilot with\n"
-        f"  helisim parm {o.vehicle} --out {name}.parm\n"
+        f"  helisim ardupilot parm --vehicle {o.vehicle} --out {name}.parm\n"
         f"  arducopter-heli --model JSON:{host}{out} --defaults {name}.parm\n"
         "and a ground station on its TCP port 5760, for which it waits. Ctrl-C ends."
     )
@@ -235,11 +235,23 @@ def _parameters(o: Options, vehicle: "Vehicle") -> tuple[str, str]:
 
     path = o.parm or vehicle.folder / f"{vehicle.name}.parm"
     if o.parm is None and not path.is_file():
-        return parameters_for(vehicle).text, f"made from {vehicle.name}, as helisim parm does"
+        return parameters_for(vehicle).text, f"made of {vehicle.name}, as by helisim ardupilot parm"
     return read_text(path), str(path)
 
 
-def parm(o: Options) -> int:
+def ardupilot(_: Options) -> None:
+    """Write ArduPilot's parameters, or models for its simulation.
+
+    What ArduPilot needs of a vehicle or of what was identified. It flies by helisim sitl.
+
+    examples:
+      helisim ardupilot parm --vehicle jr700 --out jr700.parm
+      helisim ardupilot export rollpitch.json yaw.json heave.json --rpm 1700 \\
+          --out heli.json
+    """
+
+
+def ardupilot_parm(o: Options) -> int:
     """Write parameters with which ArduPilot flies a vehicle, derivation included.
 
     Write ArduCopter-heli's parameters: swashplate, collective, tail and rotor from the vehicle's
@@ -254,11 +266,9 @@ def parm(o: Options) -> int:
         @quiet
 
     examples:
-      helisim parm jr700 --out jr700.parm               from its exact linear model
-      helisim parm jr700 --from reproduction --out jr700.parm
-                                                        from identified models
-      helisim parm myheli --from flight.bin --out myheli.parm
-                                                        from ArduPilot's log
+      helisim ardupilot parm --out jr700.parm           from its exact linear model
+      helisim ardupilot parm --from reproduction --out jr700.parm       from models
+      helisim ardupilot parm --vehicle myheli --from flight.bin --out myheli.parm
     """
     from helisim.study.tune import autopilot_parameters
 
@@ -270,7 +280,7 @@ def parm(o: Options) -> int:
     return 0
 
 
-def ardupilot(o: Options) -> int:
+def ardupilot_export(o: Options) -> int:
     """Write identified models for ArduPilot's state-space simulation.
 
     Options:
@@ -284,7 +294,7 @@ def ardupilot(o: Options) -> int:
         @quiet
 
     examples:
-      helisim ardupilot rollpitch.json yaw.json heave.json --rpm 1700 \\
+      helisim ardupilot export rollpitch.json yaw.json heave.json --rpm 1700 \\
           --late r=0.0405 --out heli.json
 
     The file is of ArduPilot's pull request 29462, frame -heli. Its servos are

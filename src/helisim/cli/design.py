@@ -115,7 +115,7 @@ def record_gust(run: Any, path: Path) -> None:
 
 
 def margins(o: Options) -> int:
-    """Measure margins, disturbance rejection and bandwidth from flight logs.
+    """Measure margins and disturbance rejection from flight logs.
 
     Measure a closed loop in which something was injected that the control law doesn't know:
     crossover, margins, disturbance rejection bandwidth and peak, bandwidth and phase delay, with

@@ -66,25 +66,23 @@ def identify(o: Options) -> int:
         @logs
         options:
         --structure NAME <text>  of helisim structures, tf:ZEROS/POLES, or a TOML file (default:
-            what sweeps of ArduPilot's mode SystemID allow)
+            what ArduPilot's sweeps allow)
         how frequency responses are estimated:
         --inputs A,B <names =>  channels that drive (default: the structure's)
         --outputs P,Q <names =>  channels that respond (default: the structure's)
         --conditioning C,D <names =>  further inputs that moved: effect removed
-        --reference A,B <names =>  signals outside the loop, such as sticks: joint input-output
-            method, unbiased by feedback and gusts (default: the inputs' sticks, where they
-            are recorded and excite; none: the direct method)
+        @reference
         --band LO HI  rad/s (default: what the records resolve)
         @estimator
         how parameters are fitted (names: helisim structures NAME):
         --start NAME=VALUE <many>  start, SI: an order of magnitude is enough
         --fix NAME=VALUE <many>  keep it; +- its standard error: omega=62+-0.5
-        --bounds NAME=LO:HI <many>  limits; a side may be left open, as in tau=0:
+        --bounds NAME=LO:HI <many>  limits; a side may be open: tau=0:
         --responses A/B,... <names>  responses to fit, such as p/lat (default: all)
         --searches N <=12>  most starts to try (default: 12)
         options:
         --json FILE <.json>  the model, for verify, .json
-        --report FILE <.html>  a page with figures, .html
+        --report FILE <.html>  page with figures, .html
         @quiet
 
     example:
@@ -94,8 +92,7 @@ def identify(o: Options) -> int:
       helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
 
     A log of ArduPilot's mode SystemID says what was swept; options overrule it.
-    Several axes give several models: --json model.json then writes
-    model-rollpitch_speeds.json and so on.
+    Several axes give several models: model-rollpitch_speeds.json and so on.
 
     Exit status 1: the verdict on a fit is "wrong"; 3: on none, but on one
     "doubtful".

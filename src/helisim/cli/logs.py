@@ -216,9 +216,7 @@ def frf(o: Options) -> int:
         --inputs A,B <must names>  channels that drive
         --outputs P,Q <must names>  channels that respond
         --conditioning C,D <names =>  further inputs that moved: effect removed
-        --reference A,B <names =>  signals outside the loop, such as sticks: joint input-output
-            method, unbiased by feedback and gusts (default: the inputs' sticks, where they
-            are recorded and excite; none: the direct method)
+        @reference
         --band LO HI  rad/s (default: what the records resolve)
         @estimator
         options:
@@ -248,7 +246,7 @@ def frf(o: Options) -> int:
 
 
 def look(o: Options) -> int:
-    """Look at flight logs of which nothing is known, and say what to run next.
+    """Look at unknown flight logs, and say what to run next.
 
     Print channels with guessed units, rates, gaps and jitter, sweeps, channels that respond and
     their bands, closed loops, faults, and the `helisim identify` to run next.
@@ -323,7 +321,7 @@ def examples(o: Options) -> int:
     return 0
 
 
-def record(o: Options) -> int:
+def rerun(o: Options) -> int:
     """Turn flight records into a Rerun recording.
 
     Turn flight records (.parquet or .csv), or those that a run of helisim reproduce used, into a
@@ -335,7 +333,7 @@ def record(o: Options) -> int:
         --vehicle VEHICLE  to draw, name or folder (default: the one that flew)
         @quiet
 
-    example: helisim record lat.parquet --out lat.rrd
+    example: helisim rerun lat.parquet --out lat.rrd
     """
     from helisim.records.storage import read_record
     from helisim.study.results import FLIGHTS, read_run

@@ -11,7 +11,7 @@
             how it is written:
             --json FILE <.json>  write it too
 
-        example: helisim mass blade360
+        example: helisim mass --vehicle blade360
         '''
 
 An option is its name, metavar, marks, and after two spaces its help, which goes on in indented
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 Options = argparse.Namespace  # What a command is called with: the value of each option by its name
 
 _WIDTH = 80
+_TYPED = {"calibrate": "vehicle calibrate", "tune": "tune --vehicle"}  # As one types remedies
 _PATHS = ("FILE", "FILE|DIR", "DIR", "FOLDER", "LOG", "MODEL", "RUN", "SOURCE")
 _NUMBERS = ("LO HI", "S", "M", "M/S", "HZ", "DEG", "RAD/S", "SHARE", "X", "RPM")
 _TYPES: dict[str, Callable[[str], Any]] = {"N": int, **dict.fromkeys(_PATHS, Path)}
@@ -83,6 +84,8 @@ class Parser(argparse.ArgumentParser):
             flags = [name for action in command._actions for name in action.option_strings]
             alike = " or ".join(similar(unknown[0].split("=")[0], flags))
             meant = f"; did you mean {alike}?" if alike else ""
+            if "--vehicle" in flags and not unknown[0].startswith("-"):
+                meant = f"; a vehicle is said by --vehicle {unknown[0]}"
             command.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
         return found
 
@@ -175,7 +178,8 @@ def _typed(one: Option | Command) -> str:
     if isinstance(one, Option):
         word = one.value if one.value.replace(" ", "").isupper() else quote(one.value)  # LO HI
         return f"--{one.name.replace('_', '-')}{f' {word}' if one.value else ''}"
-    return " ".join(["helisim", one.name, *map(quote, one.arguments), *map(_typed, one.options)])
+    name = _TYPED.get(one.name, one.name)
+    return " ".join(["helisim", name, *map(quote, one.arguments), *map(_typed, one.options)])
 
 
 def worded_note(note: Note) -> str:
@@ -209,7 +213,8 @@ def wrapped(text: str, *, indent: int = 0) -> str:
 
 
 SHARED = {
-    "vehicle": """
+    "vehicle": "--vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path",
+    "subject": """
 vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path
 """,
     "quiet": "--quiet  no progress bar, no names of written files",
@@ -268,9 +273,13 @@ how to read the logs:
 --from/from_time S  leave out what is before, s from the first sample
 --to/to_time S  leave out what is after
 """,
+    "reference": """
+--reference A,B <names =>  signals outside the loop: joint method, unbiased by feedback
+    and gusts (default: sticks, where they excite; none: the direct method)
+""",
     "estimator": """
---estimator NAME  local polynomial (default), or windows: CIFER's composite; of identify also
-    likelihood, the records' own transforms (default where all are shorter than 20 s)
+--estimator NAME  local polynomial (default), windows (CIFER's composite), or, of identify,
+    likelihood (default where all records are shorter than 20 s)
 """,
 }  # Options that several commands have, and texts below them, by the names that docstrings say
 

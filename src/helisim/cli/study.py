@@ -57,7 +57,19 @@ def reproduce(o: Options) -> int:
     return 1 if run.results.misses else 0
 
 
-def recover(o: Options) -> int:
+def study(_: Options) -> None:
+    """Recover derivatives, fly many replicates, list the paper's errors.
+
+    What the paper's experiment says of other vehicles and of its own error bars.
+
+    examples:
+      helisim study recover --vehicle blade360 --flights 3
+      helisim study campaign noise.toml
+      helisim study errata
+    """
+
+
+def study_recover(o: Options) -> int:
     """Sweep a vehicle and recover its derivatives.
 
     Sweep all four axes, identify yaw, roll-pitch and heave, and print them beside the exact
@@ -71,7 +83,7 @@ def recover(o: Options) -> int:
         @set
         @quiet
 
-    example: helisim recover blade360 --flights 3
+    example: helisim study recover --vehicle blade360 --flights 3
     """
     from helisim.show.terminal import render_results
     from helisim.study.experiment import flights_in_all, recover
@@ -107,12 +119,12 @@ def report(o: Options) -> int:
     return 0
 
 
-def errata(_: Options) -> int:
+def study_errata(_: Options) -> int:
     """List the paper's errors, each with its calculation.
 
     List what the paper's own numbers contradict, each computed as it is printed.
 
-    example: helisim errata
+    example: helisim study errata
     """
     from helisim.show.terminal import render_errata
     from helisim.study.errata import errata
@@ -121,7 +133,7 @@ def errata(_: Options) -> int:
     return 0
 
 
-def campaign(o: Options) -> int:
+def study_campaign(o: Options) -> int:
     """Fly and identify many replicates, with what you vary.
 
     Fly and identify many replicates as a campaign file says, write a Parquet dataset of
@@ -136,9 +148,9 @@ def campaign(o: Options) -> int:
         @quiet
 
     examples:
-      helisim campaign noise.toml                       into the folder noise/
-      helisim campaign noise.toml --dask tcp://127.0.0.1:8786
-      helisim campaign noise --by recorder.noise        only summarise
+      helisim study campaign noise.toml                       into the folder noise/
+      helisim study campaign noise.toml --dask tcp://127.0.0.1:8786
+      helisim study campaign noise --by recorder.noise        only summarise
 
     A campaign that was interrupted goes on where it stopped. Its file, TOML:
 

@@ -18,20 +18,20 @@ FORMAT = "helisim level flights, version 1"
 _MOST = 1000  # Speeds; more are a mistake in the step
 
 
-def linearize(o: Options) -> int:
+def vehicle_linearize(o: Options) -> int:
     """Print the exact linearisation at the hover.
 
     Print the exact linearisation at the hover.
 
     Options:
-        @vehicle
+        @subject
         --inputs IN <=IN1>  IN1 (servo commands to motion, default) or IN2 (sticks to motion)
         --json  matrices and names as JSON
         @controller
         @slung
         @set
 
-    example: helisim linearize --inputs IN2 --json
+    example: helisim vehicle linearize --inputs IN2 --json
     """
     from helisim.records.record import made_by
     from helisim.show.terminal import render_derivatives
@@ -47,13 +47,13 @@ def linearize(o: Options) -> int:
     return 0
 
 
-def trim(o: Options) -> int:
+def vehicle_trim(o: Options) -> int:
     """Trim level flight over a range of speeds: power, controls, attitude.
 
     Solve steady level flight at each speed, and print power, controls, attitude and disc tilt.
 
     Options:
-        @vehicle
+        @subject
         --speeds LIST <=0:20:2>  m/s, FROM:TO:STEP or separated by commas (default: 0:20:2)
         --height H <float>  m above the ground (default: 10)
         --inputs IN <=IN1>  of the linearisations: IN1 (servo commands, default) or IN2 (sticks)
@@ -63,8 +63,8 @@ def trim(o: Options) -> int:
         @quiet
 
     examples:
-      helisim trim --speeds 0:20:1 --json trim.json
-      helisim trim --set air.ground_effect=1 --height 0.5
+      helisim vehicle trim --speeds 0:20:1 --json trim.json
+      helisim vehicle trim --set air.ground_effect=1 --height 0.5
 
     With --json each speed has its exact linearisation and derivatives.
     """
@@ -115,19 +115,19 @@ def speeds_of(text: str) -> list[float]:
     return speeds
 
 
-def bench(o: Options) -> int:
+def vehicle_bench(o: Options) -> int:
     """Run the ground tests: the yaw gyro's gains, the centre of gravity.
 
     Step the pedals, sweep a turntable and hang from two points, rotor off; print estimates and
     truth.
 
     Options:
-        @vehicle
+        @subject
         @seed: of the sensors
         @set
         @quiet
 
-    example: helisim bench
+    example: helisim vehicle bench
     """
     from helisim.show.terminal import render_rigs
     from helisim.sim.rigs import run_rigs
@@ -139,18 +139,18 @@ def bench(o: Options) -> int:
     return 0
 
 
-def calibrate(o: Options) -> int:
+def vehicle_calibrate(o: Options) -> int:
     """Solve the physical parameters from derivatives.
 
     Solve for the physical parameters that give the published derivatives, or those of [targets] in
     parameters.toml.
 
     Options:
-        @vehicle
+        @subject
         @write: calibrated.toml
         @quiet
 
-    example: helisim calibrate blade360 > calibrated.toml
+    example: helisim vehicle calibrate blade360 > calibrated.toml
     """
     from helisim.study.new_vehicle import calibrated_text
 
@@ -196,15 +196,15 @@ def tune(o: Options) -> int:
 
 
 def vehicle(_: Options) -> None:
-    """Make a vehicle of your own, check it, build its MJCF, list the shipped.
+    """Make a vehicle of your own, check, linearise, trim, measure it.
 
-    Make a vehicle, check it, write its numbers for stock MuJoCo, list the shipped.
+    Here a vehicle is the word behind the command; elsewhere it is --vehicle VEHICLE.
 
     examples:
       helisim vehicle list
       helisim vehicle new myheli --like jr700      the folder myheli/, which flies
       helisim vehicle check myheli                 what is wrong with it
-      helisim fly myheli --axis lat --out lat.parquet
+      helisim fly --vehicle myheli --axis lat --out lat.parquet
       helisim vehicle build myheli                 its MJCF for stock MuJoCo
 
     A vehicle is a folder: every command takes its path. parameters.toml in it
@@ -229,7 +229,7 @@ def vehicle_new(o: Options) -> int:
 
     folder = new_vehicle(o.name, like=o.like, to=o.to)
     shown = folder.name if o.to is None else o.to / folder.name
-    print_written(o, f"{shown}; next: see {shown}/README.md, or helisim linearize {shown}")
+    print_written(o, f"{shown}; next: see {shown}/README.md, or helisim vehicle linearize {shown}")
     return 0
 
 
@@ -240,7 +240,7 @@ def vehicle_check(o: Options) -> int:
     anything is wrong.
 
     Options:
-        @vehicle
+        @subject
         @quiet
 
     example: helisim vehicle check myheli

@@ -366,7 +366,7 @@ def parameters_for(
         remarks.append("no gains of height: the model has no w over col; ArduPilot's own stay")
     source = made_from or "its exact linearisation in the hover"
     return AutopilotParameters(
-        f"{vehicle.name} flown by ArduCopter-heli; gains from {source}; by helisim parm",
+        f"{vehicle.name} flown by ArduCopter-heli; gains from {source}; by helisim ardupilot parm",
         {heading: some for heading, some in {**groups, **simulated()}.items() if some},
         (*remarks, *_LEFT),
     )

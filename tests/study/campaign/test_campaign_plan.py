@@ -112,7 +112,8 @@ def test_the_file_is_named_in_its_errors(tmp_path):
 @pytest.mark.parametrize("path", sorted(CAMPAIGNS.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_file_is_a_campaign(path):
     assert len(read_campaign(path)) >= 1
-    assert f"helisim campaign scripts/campaigns/{path.name}" in path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    assert f"helisim study campaign scripts/campaigns/{path.name}" in text
 
 
 def test_pooled_sweeps_are_the_campaigns():

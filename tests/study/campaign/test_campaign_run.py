@@ -194,7 +194,7 @@ def test_other_files_are_no_datasets(tmp_path, whole):
 
 
 def test_the_command_summarises_a_dataset(whole, capsys, tmp_path):
-    assert main(["campaign", str(whole.parent), "--by", "recorder.noise"]) == 0
+    assert main(["study", "campaign", str(whole.parent), "--by", "recorder.noise"]) == 0
     printed = capsys.readouterr().out
     assert "heave (recorder.noise 0.5, flights 1, method designed)" in printed
     assert "heave (recorder.noise 4, flights 2, method joint)" in printed
@@ -204,6 +204,6 @@ def test_the_command_summarises_a_dataset(whole, capsys, tmp_path):
     mistakes = {("--by", "noise"): "available: replicate, point"}
     mistakes["--out", tmp_path / "new"] = "leave out --out"
     for options, said in mistakes.items():
-        assert said in fails(capsys, "campaign", whole.parent, "--quiet", *options)
+        assert said in fails(capsys, "study", "campaign", whole.parent, "--quiet", *options)
     assert contents(whole.parent) == before
     assert not any(tmp_path.iterdir())
