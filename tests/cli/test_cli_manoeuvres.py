@@ -11,6 +11,7 @@ import pytest
 import helisim.sitl
 from command import fails
 from helisim.cli import main
+from helisim.cli.flying import _commands
 from helisim.records.storage import read_record
 from helisim.sim import Chirp, Deck, FlightPlan, Ground, Swing
 from helisim.sitl import Link
@@ -81,6 +82,12 @@ def test_a_mission_of_ones_own_is_flown(tmp_path, monkeypatch, capsys):
     assert main(["fly", "--mission", "my_missions:Nod,north=0.5", "--out", "a.parquet"]) == 0
     assert "Reached: up to" in capsys.readouterr().out
     assert read_record("a.parquet").provenance["mission"]["north"] == 0.5
+
+
+@pytest.mark.parametrize(("word", "name"), [("roll", "lat"), ("heave", "col"), ("yaw+p", "ped+p")])
+def test_axes_are_known_by_their_motion(word, name):
+    assert _commands(word) == name
+    assert _commands(f"doublet,axis={word},amplitude=0.1") == f"doublet,axis={name},amplitude=0.1"
 
 
 FLY = ["fly", "--excitation", "doublet", "--axis", "ped"]

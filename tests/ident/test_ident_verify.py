@@ -159,6 +159,18 @@ def test_an_integrator_drifts_by_the_controls_trim(segment):
     assert found.approach.estimated == (4 if segment is None else 13)
 
 
+@pytest.mark.parametrize(("size", "lat", "elsewhere"), [(1e-4, 0.1, True), (0.1, 0.3, False)])
+def test_a_manoeuvre_of_another_control_is_no_test(size, lat, elsewhere):
+    """Pedals that hardly move, beside a lateral stick that does; a doublet of their own is one."""
+    flown = doublet(0.05, noise=0.01, size=size)
+    channels = {name: flown[name] for name in ("ped", "r")}
+    found = verify(yaw_fit(0.05), record(STEP, **channels, lat=lat * np.sin(flown.time)))
+    assert found.elsewhere == (("lat",) if elsewhere else ())
+    assert found.acceptable is not elsewhere
+    assert ("lat moved, and its inputs ped hardly" in " ".join(str(found).split())) is elsewhere
+    assert found.to_dict().get("elsewhere", []) == list(found.elsewhere)
+
+
 def test_an_output_that_is_noise_does_not_count():
     """Bank under a disturbance ten times its motion; the rate alone makes the coefficient."""
     found = verify(*banked(2000, noise=20.0))

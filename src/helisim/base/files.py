@@ -43,9 +43,8 @@ def file_size(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> int:
     path = Path(path)
     with _said(path):
         if not path.is_file():
-            raise StorageError(
-                f"{path}: {'not a regular file' if path.exists() else 'no such file'}"
-            )
+            kinds = {"no such file": not path.exists(), "a folder; expected a file": path.is_dir()}
+            raise StorageError(f"{path}: {next(filter(kinds.get, kinds), 'not a regular file')}")
         size = path.stat().st_size
     if size > limit:
         raise StorageError(f"{path}: {size} bytes, and at most {limit} are read")

@@ -143,7 +143,7 @@ def parser(words: Sequence[str] = ()) -> Parser:
     said = {one.dest: one.help for one in commands._choices_actions}
     for task, names in _TASKS.items():
         lines = [f"  {name:<12}{said[name]}" for name in names.split() if name in said]
-        whole.description += "\n".join(["\n", f"{task}:", *lines])
+        whole.description = "\n".join([f"{whole.description}\n", f"{task}:", *lines])
     return whole
 
 

@@ -360,13 +360,20 @@ def verify(o: Options) -> int:
     example:
       helisim verify model.json doublet.csv --map heli.toml --resample 100
 
-    Exit status 1: Theil's coefficient is above 0.25.
+    Exit status 1: Theil's coefficient is above 0.25, or other controls moved than
+    the model's inputs.
     """
     from helisim.base.files import write_json
     from helisim.ident import load_fit, verify
     from helisim.ident.verify import refuse_seen
     from helisim.records.record import made_by
 
+    given = [path for path in o.logs if path.suffix.lower() == ".json"]
+    if given and o.model.suffix.lower() != ".json":
+        raise InputError(
+            f"{o.model} stands where the model is expected, and {given[0]} among the logs; the "
+            f"model comes first: helisim verify {given[0]} {o.model}"
+        )
     fit = load_fit(o.model)
     inputs, outputs = fit.structure.inputs, fit.structure.outputs
     with progress(len(o.logs) + 1, o.quiet) as advance:

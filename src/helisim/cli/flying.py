@@ -1,6 +1,7 @@
 """The commands that fly: manoeuvres, missions, weather, ground and limits as options say them."""
 
 import math
+import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
@@ -70,6 +71,7 @@ def manoeuvre(o: Options) -> "Excitation | None":
     from helisim.sim.excitation import EXCITATIONS
 
     given = {name: value for name in _GENERAL if (value := getattr(o, name)) is not None}
+    given |= {"axis": _commands(o.axis)} if o.axis else {}
     if o.excitation is None and o.axis is None:
         for name in given.keys() - {"duration"}:
             raise InputError(f"--{name} is of a manoeuvre: say which, by --axis or --excitation")
@@ -79,7 +81,14 @@ def manoeuvre(o: Options) -> "Excitation | None":
         for name, kind in EXCITATIONS.items()
         if not {"parts", "values"} & set(kind.__dataclass_fields__)
     }
-    return parse_notation(o.excitation or "sweep", kinds, what="excitation", given=given)
+    return parse_notation(_commands(o.excitation or "sweep"), kinds, what="excitation", given=given)
+
+
+def _commands(text: str) -> str:
+    """Return a text with the commands of the axes that it names by their motion: roll is lat."""
+    from helisim.handling.loop import axis_of
+
+    return re.sub(r"\b(heave|pitch|roll|yaw)\b", lambda word: axis_of(word[0]).name, text)
 
 
 def weather(o: Options) -> "Weather":

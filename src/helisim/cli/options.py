@@ -245,7 +245,7 @@ a ground is flat, or SETTING[=VALUE],...:
 """,
     "manoeuvre": """
 --excitation KIND  manoeuvre, see below (default: sweep)
---axis AXIS  col|lon|lat|ped{}
+--axis AXIS  lat|lon|ped|col, or roll|pitch|yaw|heave{}
 --at PLACE  sticks (default), servos, actuators or sensors
 --duration S  of the flight, s (default: a sweep's is 90)
 --amplitude A <float>  of the stick, unitised (default: the axis's own)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.settings import Value, check, to_plain
+from helisim.base.settings import Value, check, setting, to_plain
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure
@@ -163,6 +163,7 @@ class VerificationFigures:
     outputs: tuple[VerifiedOutput, ...]
     records: tuple[VerifiedRecord, ...]
     approach: Approach | None = None
+    elsewhere: tuple[str, ...] = setting((), unsaid=True)
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.outputs)
@@ -170,8 +171,8 @@ class VerificationFigures:
 
     @property
     def acceptable(self) -> bool:
-        """Whether Theil's coefficient is at most 0.25."""
-        return self.tic <= ACCEPTABLE_TIC
+        """Whether Theil's coefficient is at most 0.25, in answer to the model's inputs."""
+        return self.tic <= ACCEPTABLE_TIC and not self.elsewhere
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
@@ -186,7 +187,9 @@ class Verification(Value, Displayed):
 
     `j_rms` is the root mean square error over all outputs, each in its unit; `tic` Theil's
     coefficient (0 perfect, 1 useless) over outputs that count, without what biases, trims and
-    states explain; `quiet` outputs moved too little beside their noise to count.
+    states explain; `quiet` outputs moved too little beside their noise to count. `elsewhere` are
+    the controls that moved where the model's inputs hardly did, and the outputs hardly beside their
+    noise: such records are no test of the model.
     """
 
     inputs: tuple[str, ...]
@@ -199,6 +202,7 @@ class Verification(Value, Displayed):
     tic_by_output: Mapping[str, float]
     approach: Approach | None = None
     quiet: tuple[str, ...] = ()
+    elsewhere: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check(self)
@@ -211,12 +215,13 @@ class Verification(Value, Displayed):
 
     @property
     def acceptable(self) -> bool:
-        """Whether Theil's coefficient is at most 0.25."""
-        return self.tic <= ACCEPTABLE_TIC
+        """Whether Theil's coefficient is at most 0.25, in answer to the model's inputs."""
+        return self.figures.acceptable
 
     @property
     def _judged(self) -> str:
-        return "acceptable" if self.acceptable else f"above {ACCEPTABLE_TIC}"
+        missed = "says nothing of the model" if self.elsewhere else f"above {ACCEPTABLE_TIC}"
+        return "acceptable" if self.acceptable else missed
 
     @property
     def figures(self) -> VerificationFigures:
@@ -248,6 +253,7 @@ class Verification(Value, Displayed):
                 for trace in self.traces
             ),
             approach=self.approach,
+            elsewhere=self.elsewhere,
         )
 
     def plot(self) -> "Figure":
@@ -268,6 +274,12 @@ class Verification(Value, Displayed):
                 f"{name:<8}  {unit:<6}  {self.j_rms_by_output[name]:10.4g}  {tic:6.3f}{mark}"
             )
         lines.append(f"all       {'':<6}  {self.j_rms:10.4g}  {self.tic:6.3f}  {self._judged}")
+        if self.elsewhere:
+            said = (
+                f"not a test of this model: {', '.join(self.elsewhere)} moved, and its inputs "
+                f"{', '.join(self.inputs)} hardly; give a record in which they are excited"
+            )
+            lines += textwrap.wrap(said, _WIDTH)
         if self.approach is not None:
             lines += [textwrap.fill(part, _WIDTH) for part in str(self.approach).split("; ")]
         return "\n".join(lines)

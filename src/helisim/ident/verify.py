@@ -24,7 +24,7 @@ from helisim.ident.verification import (
     root_mean_square,
     theil,
 )
-from helisim.records.record import FlightRecord, one_blas_thread
+from helisim.records.record import IN1, IN2, FlightRecord, one_blas_thread
 
 Real = NDArray[np.float64]
 
@@ -34,6 +34,9 @@ _SHARED = 0.25  # largest share of a record's time that the fit may have seen
 _DOUBLINGS = 3.0
 _HARDLY = 0.01  # doublings over a record below which a pole counts as an integrator's
 _TELLS = 3.0  # Motion over noise for an output to count: noise alone is then a coefficient of 0.16
+# A record is no test where no output moves ten times its noise, as one does in any doublet that the
+# model's inputs are flown for, and another control twice as much as all of them
+_STIRRED, _OTHERS = 10.0, 2.0
 _INTEGRATES = 1e8  # Condition number of A above which the model integrates
 _FREE_DECADES = 1e-9  # Relative size of bias, trim and initial-state directions left at zero
 _ABSORBED = 1e-6  # greatest remainder of a constant that initial states replace
@@ -82,6 +85,7 @@ def verify(
     told = np.flatnonzero(size >= _TELLS * noise)
     told = told if told.size else np.arange(len(outputs))
     rms = root_mean_square(error)
+    stirred = bool(np.any(size >= _STIRRED * noise))
     return Verification(
         inputs=fit.structure.inputs,
         outputs=outputs,
@@ -93,7 +97,20 @@ def verify(
         tic_by_output=dict(zip(outputs, theil(telling, response).tolist())),
         approach=approach,
         quiet=tuple(name for k, name in enumerate(outputs) if k not in told),
+        elsewhere=() if stirred else _elsewhere(fit.structure.inputs, flights),
     )
+
+
+def _elsewhere(inputs: Sequence[str], flights: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Return the controls that moved far more than the inputs, of those that all records have."""
+    kin = next((names for names in (IN1, IN2) if {*inputs} <= {*names}), ())
+    moved = {
+        name: max(float(np.std(one[name])) for one in flights)
+        for name in kin
+        if all(name in one.names for one in flights)
+    }
+    most = max((moved.pop(name) for name in inputs if name in moved), default=0.0)
+    return tuple(name for name, size in moved.items() if size > _OTHERS * most)
 
 
 def refuse_seen(fit: Fit, record: FlightRecord, name: str) -> None:
