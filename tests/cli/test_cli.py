@@ -114,6 +114,20 @@ def test_margins_need_no_option_of_a_record_and_names_of_other_columns(record, t
     assert "gain margin of lat at actuators isn't within" in capsys.readouterr().out
 
 
+def test_json_goes_to_a_file_or_in_place_of_the_text(tmp_path, capsys, record):
+    path, out = tmp_path / "loop.parquet", tmp_path / "found.json"
+    write_record(record, path)
+    trim, margins = (
+        ["vehicle", "trim", "--speeds", "0"],
+        ["margins", str(path), "--band", "4", "20"],
+    )
+    for words in (["vehicle", "linearize"], trim, margins, ["look", str(path)]):
+        status = main([*words, "--json", str(out)])
+        assert f"Written: {out}" in capsys.readouterr().out
+        assert main([*words, "--json"]) == status
+        assert json.loads(capsys.readouterr().out) == json.loads(out.read_text())
+
+
 def printed(capsys, *arguments):
     """Return the rows that the command prints, as numbers, by speed."""
     assert main(["vehicle", "trim", *arguments]) == 0

@@ -5,11 +5,13 @@ fault, 3 a flight was terminated early, 130 interrupted, 141 a broken pipe.
 """
 
 import argparse
+import io
+import json
 import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from typing import Any
 
@@ -17,6 +19,7 @@ from helisim import __version__
 from helisim.base.errors import DivergedError, HelisimError, LogError
 from helisim.base.text import single_line
 from helisim.cli.options import (
+    STDOUT,
     Parser,
     add_command,
     worded,
@@ -58,15 +61,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     bare = {"", *(name.partition("_")[0] for name in _COMMANDS if "_" in name)}
     options = parser(words).parse_args([*words, "--help"] if " ".join(words) in bare else words)
-    status = 2
+    status, options.data = 2, []
+    text = io.StringIO() if getattr(options, "json", None) == STDOUT else sys.stdout
     try:
-        with _messages(quiet=getattr(options, "quiet", False)):
+        with _messages(quiet=getattr(options, "quiet", False)), redirect_stdout(text):
             for name, suffixes in options.parser.files.items():
-                if getattr(options, name) is not None:
+                if getattr(options, name) not in (None, STDOUT):
                     from helisim.base.files import check_destination
 
                     check_destination(getattr(options, name), suffixes)
             status = options.run(options)
+        for data in options.data:
+            print(json.dumps(data, allow_nan=False))
         sys.stdout.flush()
         return status
     except BrokenPipeError:

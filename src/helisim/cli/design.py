@@ -12,6 +12,7 @@ from helisim.cli.options import (
     print_written,
     progress,
     wrapped,
+    write_data,
 )
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def margins(o: Options) -> int:
         --band LO HI  rad/s (default: where the injection has power)
         --late NAME=S <many>  lateness of a channel's record, s; repeatable
         options:
-        --json FILE <.json>  write the figures, .json
+        @json: the figures
         @quiet
 
     example:
@@ -150,7 +151,6 @@ def margins(o: Options) -> int:
 
     Exit status 1: none of the figures could be measured.
     """
-    from helisim.base.files import write_json
     from helisim.handling.measured.margins import margins
     from helisim.logs.dataflash import is_dataflash
 
@@ -175,9 +175,7 @@ def margins(o: Options) -> int:
         said = reports(logs)
         print(f"{describe(logs)}\n")
         print_loops(None, measured)
-    if o.json is not None:
-        write_json({**measured.to_dict(), "logs": said}, o.json)
-        print_written(o, o.json)
+    write_data(o, {**measured.to_dict(), "logs": said})
     return 0 if measured.figures else 1
 
 

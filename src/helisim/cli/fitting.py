@@ -29,6 +29,7 @@ from helisim.cli.options import (
     progress,
     worded_note,
     wrapped,
+    write_data,
 )
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def identify(o: Options) -> int:
         --responses A/B,... <names>  responses to fit, such as p/lat (default: all)
         --searches N <=12>  most starts to try (default: 12)
         options:
-        --json FILE <.json>  the model, for verify, .json
+        @json: the model, for verify
         --report FILE <.html>  page with figures, .html
         @quiet
 
@@ -155,7 +156,6 @@ def _likely(o: Options, structure: "Structure", logs: "Sequence[Log]") -> "Fit |
 
 
 def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> int:
-    from helisim.base.files import write_json
     from helisim.ident import identify, suspicions
 
     logs, frf = work.logs, work.response
@@ -175,15 +175,14 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
         if lines:
             print("likely causes, by what the data show:")
             print(wrapped("\n".join(f"  {line}" for line in lines), indent=4))
-    if json is not None:
-        write_json({**fit.to_dict(), "logs": reports(logs)}, json)
+    write_data(o, {**fit.to_dict(), "logs": reports(logs)}, json)
     if report is not None:
         from helisim.show.report import write_fit_report
 
         named = {f"record {k}": record for k, record in enumerate(records_of(logs), 1)}
         with progress(len(named), o.quiet, unit="record") as advance:
             write_fit_report(report, fit, records=named, on_progress=advance)
-    print_written(o, json, report)
+    print_written(o, report)
     return _STATUS[fit.verdict.word]
 
 
@@ -354,7 +353,7 @@ def verify(o: Options) -> int:
         options:
         --segment S  segments, s, each from a state of its own (default: for unstable models, in
             which errors double three times at most)
-        --json FILE <.json>  write the figures, .json
+        @json: the figures
         @quiet
 
     example:
@@ -363,7 +362,6 @@ def verify(o: Options) -> int:
     Exit status 1: Theil's coefficient is above 0.25, or other controls moved than
     the model's inputs.
     """
-    from helisim.base.files import write_json
     from helisim.ident import load_fit, verify
     from helisim.ident.verify import refuse_seen
     from helisim.records.record import made_by
@@ -387,15 +385,13 @@ def verify(o: Options) -> int:
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)
-    if o.json is not None:
-        data = {
-            **verification.to_dict(),
-            "model": str(o.model),
-            "logs": reports(logs),
-            "provenance": made_by("verification", fit=fit.provenance),
-        }
-        write_json(data, o.json)
-        print_written(o, o.json)
+    data = {
+        **verification.to_dict(),
+        "model": str(o.model),
+        "logs": reports(logs),
+        "provenance": made_by("verification", fit=fit.provenance),
+    }
+    write_data(o, data)
     return 0 if verification.acceptable else 1
 
 

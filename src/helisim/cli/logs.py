@@ -17,6 +17,7 @@ from helisim.cli.options import (
     progress,
     worded_note,
     wrapped,
+    write_data,
     write_recording,
 )
 
@@ -220,7 +221,7 @@ def frf(o: Options) -> int:
         --band LO HI  rad/s (default: what the records resolve)
         @estimator
         options:
-        --json FILE <.json>  write everything, .json
+        @json: everything
         --csv FILE <.csv>  write the responses, .csv
         @quiet
 
@@ -228,7 +229,7 @@ def frf(o: Options) -> int:
       helisim frf lat.csv --map heli.toml --inputs lat --outputs p,q \\
           --conditioning lon --csv p.csv
     """
-    from helisim.ident.response import save_response
+    from helisim.ident.response import response_data, save_response
     from helisim.show.table import as_text
     from helisim.show.tables import usable_bands
 
@@ -237,11 +238,10 @@ def frf(o: Options) -> int:
         frf = estimate(logs, o, o.inputs, o.outputs, advance)
     print(f"{describe(logs)}\n")
     print("\n".join((as_text(usable_bands(frf)), *frf.flags)))
-    if o.json is not None:
-        save_response(frf, o.json, {"logs": reports(logs)})
+    write_data(o, {**response_data(frf), "logs": reports(logs)})
     if o.csv is not None:
         save_response(frf, o.csv)
-    print_written(o, o.json, o.csv)
+    print_written(o, o.csv)
     return 0
 
 
@@ -254,7 +254,7 @@ def look(o: Options) -> int:
     Options:
         @logs
         options:
-        --json FILE <.json>  write what was found, .json
+        @json: what was found
         @quiet
 
     example:
@@ -263,7 +263,6 @@ def look(o: Options) -> int:
 
     Exit status 1: nothing can be identified from the logs.
     """
-    from helisim.base.files import write_json
     from helisim.look import look
 
     columns = given_columns(o)
@@ -277,9 +276,7 @@ def look(o: Options) -> int:
         print(wrapped("settle first what is marked ! above: what follows takes columns as named\n"))
     # one line, so that it can be pasted
     print(f"run next:\n{command}" if command else "nothing can be identified from this")
-    if o.json is not None:
-        write_json({**found.to_dict(), "command": command}, o.json)
-        print_written(o, o.json)
+    write_data(o, {**found.to_dict(), "command": command})
     return 0 if command else 1
 
 

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 Options = argparse.Namespace  # What a command is called with: the value of each option by its name
 
+STDOUT = Path("-")  # What --json is without a file
 _WIDTH = 80
 _TYPED = {"calibrate": "vehicle calibrate", "tune": "tune --vehicle"}  # As one types remedies
 _PATHS = ("FILE", "FILE|DIR", "DIR", "FOLDER", "LOG", "MODEL", "RUN", "SOURCE")
@@ -217,6 +218,9 @@ SHARED = {
     "subject": """
 vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path
 """,
+    "json": """
+--json FILE <maybe=- .json>  {}, .json; no FILE: printed in place of text
+""",
     "quiet": "--quiet  no progress bar, no names of written files",
     "set": """
 --set NAME=VALUE <many>  a physical parameter: main_rotor.hub_stiffness=100, SI
@@ -346,8 +350,19 @@ def numbers_by_name(option: str, items: Sequence[str]) -> dict[str, float]:
 def print_written(options: Options, *texts: object) -> None:
     """Print what was written where, each that is not None, unless --quiet."""
     for text in texts:
-        if text is not None and not options.quiet:
+        if text is not None and not getattr(options, "quiet", False):
             print(f"Written: {text}")
+
+
+def write_data(options: Options, data: Mapping[str, Any], path: Path | None = None) -> None:
+    """Write plain data where --json says, if it does; to `path` in place of its file."""
+    from helisim.base.files import write_json
+
+    if options.json == STDOUT:
+        options.data.append(data)
+    elif options.json is not None:
+        write_json(data, path or options.json)
+        print_written(options, path or options.json)
 
 
 def replace_parameter_file(options: Options, name: str, text: str) -> None:

@@ -1,6 +1,5 @@
 """Commands about vehicles: their linear models, trims, ground tests, parameters and folders."""
 
-import json
 import math
 
 from helisim.base.errors import InputError
@@ -12,6 +11,7 @@ from helisim.cli.options import (
     progress,
     replace_parameter_file,
     worded,
+    write_data,
 )
 
 FORMAT = "helisim level flights, version 1"
@@ -26,7 +26,7 @@ def vehicle_linearize(o: Options) -> int:
     Options:
         @subject
         --inputs IN <=IN1>  IN1 (servo commands to motion, default) or IN2 (sticks to motion)
-        --json  matrices and names as JSON
+        @json: matrices and names
         @controller
         @slung
         @set
@@ -38,12 +38,10 @@ def vehicle_linearize(o: Options) -> int:
 
     vehicle = loaded(o)
     linear = vehicle.linearize(o.inputs)
-    if o.json:
-        provenance = made_by("linearization", **vehicle.provenance)
-        more = {"derivatives": vehicle.derivatives, "provenance": provenance}
-        print(json.dumps({**linear.to_dict(), **more}, indent=2, allow_nan=False))
-    else:
-        print(render_derivatives(linear, vehicle.derivatives))
+    provenance = made_by("linearization", **vehicle.provenance)
+    print(render_derivatives(linear, vehicle.derivatives))
+    more = {"derivatives": vehicle.derivatives, "provenance": provenance}
+    write_data(o, {**linear.to_dict(), **more})
     return 0
 
 
@@ -57,7 +55,7 @@ def vehicle_trim(o: Options) -> int:
         --speeds LIST <=0:20:2>  m/s, FROM:TO:STEP or separated by commas (default: 0:20:2)
         --height H <float>  m above the ground (default: 10)
         --inputs IN <=IN1>  of the linearisations: IN1 (servo commands, default) or IN2 (sticks)
-        --json FILE <.json>  write trims and linearisations, .json
+        @json: trims and linearisations
         @slung
         @set
         @quiet
@@ -68,7 +66,6 @@ def vehicle_trim(o: Options) -> int:
 
     With --json each speed has its exact linearisation and derivatives.
     """
-    from helisim.base.files import write_json
     from helisim.records.record import made_by
     from helisim.show.terminal import render_trims
     from helisim.vehicle.trim import HEIGHT
@@ -91,9 +88,8 @@ def vehicle_trim(o: Options) -> int:
             for flight in flights
         ]
         provenance = made_by("level flights", **flights[0].provenance)
-        write_json({"format": FORMAT, "flights": found, "provenance": provenance}, o.json)
+        write_data(o, {"format": FORMAT, "flights": found, "provenance": provenance})
     print(render_trims(flights))
-    print_written(o, o.json)
     return 0
 
 

@@ -183,16 +183,18 @@ class FrequencyResponse(Value, Displayed):
 _STORED = tuple(one.name for one in fields(FrequencyResponse) if one.compare)  # fields in files
 
 
-def save_response(
-    frf: FrequencyResponse, path: str | PathLike[str], more: Mapping[str, Any] | None = None
-) -> None:
-    """Write a response as JSON or CSV, with `more` plain data. Raises StorageError."""
+def response_data(frf: FrequencyResponse) -> dict[str, Any]:
+    """Return a response with its format and provenance as plain data."""
     units = {"input_units": list(frf.input_units), "output_units": list(frf.output_units)}
     provenance = made_by("frequency response", **frf.provenance, **units)
+    return {"format": FORMAT, "response": frf.to_dict(), "provenance": provenance}
+
+
+def save_response(frf: FrequencyResponse, path: str | PathLike[str]) -> None:
+    """Write a response as JSON or CSV. Raises StorageError."""
+    data = response_data(frf)
     if check_suffix(Path(path), (".json", ".csv")) == ".json":
-        data = {"format": FORMAT, "response": frf.to_dict(), "provenance": provenance}
-        write_json({**data, **(more or {})}, path)
-        return
+        return write_json(data, path)
     columns = {"frequency [rad/s]": frf.frequency}
     for name in frf.pairs:
         o, i = frf.index(*name.split("/", 1))
@@ -203,7 +205,7 @@ def save_response(
             f"{name} random error [1]": frf.random_error[o, i],
         }
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# provenance: {json.dumps(provenance, sort_keys=True)}\n")
+        file.write(f"# provenance: {json.dumps(data['provenance'], sort_keys=True)}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(np.column_stack(list(columns.values())).tolist())
