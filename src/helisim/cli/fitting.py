@@ -60,8 +60,7 @@ class Work(NamedTuple):
 def identify(o: Options) -> int:
     """Identify a model from flight logs.
 
-    Estimate frequency responses, fit a structure's parameters to them, and print values with
-    Cramér-Rao bounds and insensitivities.
+    Fit a structure to frequency responses; print values with Cramér-Rao bounds.
 
     Options:
         @logs
