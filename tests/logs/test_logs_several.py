@@ -147,6 +147,15 @@ def spiked():
     return made(p=rate)
 
 
+def test_what_was_injected_has_no_spikes():
+    """It is computed, not measured; a rate of the same shape has them."""
+    names, peaks = ("p", "lat_disturbance", "lat_sum"), spiked()["p"]
+    columns = np.column_stack([peaks] * len(names))
+    record = FlightRecord(TIME, columns, tuple(channel(name) for name in names))
+    (finding,) = screen(record).report.findings
+    assert "column 'p'" in finding.text
+
+
 def test_spikes_are_noted_and_interpolated_on_request():
     good, record = made(), spiked()
     clean = screen(good, repair=("spikes", "frozen"))

@@ -18,7 +18,7 @@ from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.spec import Spec
 from helisim.show import tables
 from helisim.show.charts import draw_loops
-from helisim.show.design_page import write_design_page
+from helisim.show.design_page import verdict, write_design_page
 from helisim.show.table import as_text
 from html_page import Page
 from made_run import make_flight
@@ -95,6 +95,24 @@ def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path)
     charts = ["stability_margins_lat_actuators", "crossover_lat_actuators"]
     charts += ["disturbance_rejection_lat", "loop_lat", "step_lat", "gust"]
     assert Page(text).figures == charts
+
+
+def test_what_is_worse_than_before_is_said_first():
+    """As flown where it flew, else as predicted; what was as bad before is not worse."""
+
+    def made(level, before):
+        said = {"name": "attitude_quickness", "word": "roll", "axis": "lat"}
+        rated = SimpleNamespace(level=level, criterion=SimpleNamespace(**said, at=None))
+        was = None if before is None else SimpleNamespace(level=before)
+        return SimpleNamespace(nominal=rated, before=was, spec=SimpleNamespace(kind="shown"))
+
+    def text(*judged):
+        return verdict(SimpleNamespace(judged=judged, share=1.0, drawn=2), None)
+
+    assert text(made(3, 1)).startswith(
+        "Worse than with the law before: roll attitude quickness Level 3 (was 1). 0 of 0"
+    )
+    assert "Worse" not in text(made(3, 3), made(1, 2), made(3, None))
 
 
 def test_a_design_that_did_not_fly_has_a_page_and_is_shown(tmp_path):

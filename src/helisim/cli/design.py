@@ -55,8 +55,8 @@ def design(o: Options) -> int:
     from helisim.handling.spec import read_specs
     from helisim.records.storage import read_record
     from helisim.show import tables
-    from helisim.show.design_page import REPORT, write_design_page
-    from helisim.show.table import as_text
+    from helisim.show.design_page import REPORT, verdict, write_design_page
+    from helisim.show.table import as_text, filled
     from helisim.study.design_chain import (
         LAW,
         PROOF,
@@ -94,6 +94,7 @@ def design(o: Options) -> int:
         )
         if run.proof is not None:
             record_gust(run, o.out / GUST)
+    print(f"{filled(verdict(run.result, run.proof))}\n")
     print(as_text(tables.design(run.result)))
     if run.proof is not None:
         print(as_text(tables.proof(run.proof)))

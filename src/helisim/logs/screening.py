@@ -47,7 +47,8 @@ def screened(
     values = samples.values.copy()
     for k, (channel, heading, *_) in enumerate(samples.taken):
         kinds = ("frozen", "spikes") if channel.kind == "OUT" else ("spikes",)
-        for kind in kinds if wanted is None or channel.name in wanted else ():
+        measured = not channel.name.endswith(("_disturbance", "_sum"))  # but injected: known
+        for kind in kinds if measured and (wanted is None or channel.name in wanted) else ():
             known = np.flatnonzero(np.isfinite(values[:, k]))
             one = values[known, k]
             if kind == "frozen":

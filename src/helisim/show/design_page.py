@@ -60,24 +60,37 @@ def write_design_page(
     return page.write_page(Path(path), title, kept, _summary(result, proof))
 
 
-def _summary(result: DesignResult, proof: "Proof | None") -> str:
+def verdict(result: DesignResult, proof: "Proof | None") -> str:
+    """Return how many specifications are in Level 1, and first what is worse than before."""
+    flown = {} if proof is None else {chart_name(one.spec.criterion): one for one in proof.table}
+    worse = []
+    for one in result.judged:
+        criterion, proved = one.nominal.criterion, flown.get(chart_name(one.nominal.criterion))
+        now = (proved and (proved.flown or proved.exact)) or one.nominal
+        if one.before is not None and now.level > one.before.level:
+            name = criterion.name.replace("_", " ")
+            worse.append(f"{criterion.word} {name} Level {now.level} (was {one.before.level})")
+    start = f"Worse than with the law before: {', '.join(worse)}. " if worse else ""
     asked = [one for one in result.judged if one.spec.kind in ("hard", "soft")]
     first = sum(one.nominal.level == 1 for one in asked)
     text = (
-        f"{first} of {len(asked)} specifications are in Level 1 in the identified model, all of "
-        f"them in {100.0 * result.share:.3g} % of {result.drawn} models that the records leave "
-        "possible."
+        f"{start}{first} of {len(asked)} specifications are in Level 1 in the identified model, "
+        f"all of them in {100.0 * result.share:.3g} % of {result.drawn} models that the records "
+        "leave possible."
     )
-    said = list(result.misses)
     if proof is not None:
         rated = [one for one in proof.table if one.spec.kind in ("hard", "soft") and one.flown]
         good = sum(one.flown.level == 1 for one in rated if one.flown)
         text += f" In flight {good} of {len(rated)} that were measured are in Level 1."
-        said += [
-            f"{name} was at its stops {100.0 * one:.2g} % of the time in rough air"
-            for name, one in proof.stops.items()
-        ]
-    return paragraph(text, "lead") + page.bullets(said)
+    return text
+
+
+def _summary(result: DesignResult, proof: "Proof | None") -> str:
+    stops = {} if proof is None else proof.stops
+    said = [
+        f"{k} was at its stops {100.0 * x:.2g} % of the time in rough air" for k, x in stops.items()
+    ]
+    return paragraph(verdict(result, proof), "lead") + page.bullets([*result.misses, *said])
 
 
 def _criteria(result: DesignResult, proof: "Proof | None") -> str:

@@ -555,7 +555,8 @@ def _estimate(
         band = band or _excited_band(part, drives)
         found = _estimate_driven(part, drives, outputs, band, late, cuts)
     # what was injected is known as it is: a multisine's peaks are no spikes
-    remarks = [one for one in found[0].flags if not any(repr(name) in one for name in drives)]
+    known = (*drives, *(name.replace("_disturbance", "_sum") for name in drives))
+    remarks = [one for one in found[0].flags if not any(repr(name) in one for name in known)]
     size = {
         name: max(float(np.std(one[name])) for one in part)
         for name in (*drives, "LON", "LAT", "PED")
