@@ -17,7 +17,7 @@ from command import fails
 from exact_fits import found
 from helisim import ident
 from helisim.cli import _COMMANDS, command_names, main
-from helisim.cli.options import progress, wrapped
+from helisim.cli.options import coloured, progress, wrapped
 from helisim.records.storage import write_record
 from swept_logs import BAD, csv_writer
 
@@ -119,6 +119,17 @@ def test_long_lines_are_wrapped_and_short_ones_left_alone():
     path = "/long" * 30
     assert wrapped(f"{path}: {'word ' * 20}", indent=2).splitlines()[0] == f"{path}:"
     assert all(line.startswith("  ") for line in wrapped("word " * 40, indent=2).splitlines()[1:])
+
+
+def test_poor_and_differs_are_red_on_a_terminal_alone(monkeypatch):
+    row = "N_r  1/s  -0.75  poor  differs"
+    assert coloured(row) == row
+    monkeypatch.setattr(sys, "stdout", Terminal())
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert coloured(row).count("\x1b[31m") == 2
+    assert re.sub(r"\x1b\[\d+m", "", coloured(row)) == row
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert coloured(row) == row
 
 
 def test_progress_has_rate_and_remaining_time_on_a_terminal(monkeypatch):

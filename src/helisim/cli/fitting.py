@@ -24,6 +24,7 @@ from helisim.cli.logs import (
 )
 from helisim.cli.options import (
     Options,
+    coloured,
     numbers_by_name,
     print_written,
     progress,
@@ -166,7 +167,7 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
     low, high = frf.frequency[[0, -1]]
     how = ", ".join(filter(None, (fit.method, frf.estimator)))
     print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
-    print(wrapped(fit.text(worded_note), indent=2))
+    print(coloured(wrapped(fit.text(worded_note), indent=2)))
     if frf.direct:
         print(wrapped(_beside(fit, frf.direct, o), indent=2))
     if fit.verdict.word == "wrong" or fit.dropped:

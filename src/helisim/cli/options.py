@@ -25,6 +25,7 @@ text.
 
 import argparse
 import inspect
+import os
 import re
 import sys
 import textwrap
@@ -211,6 +212,12 @@ def wrapped(text: str, *, indent: int = 0) -> str:
     return "\n".join(
         textwrap.fill(one, _WIDTH, subsequent_indent=" " * indent, **options) for one in lines
     )
+
+
+def coloured(text: str) -> str:
+    """Return a text with its cells "poor" and "differs" in red, on a terminal without NO_COLOR."""
+    plain = not sys.stdout.isatty() or "NO_COLOR" in os.environ
+    return text if plain else re.sub(r"(?<= )(poor|differs)(?=\s|$)", "\x1b[31m\\1\x1b[0m", text)
 
 
 SHARED = {

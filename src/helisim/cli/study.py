@@ -5,6 +5,7 @@ from pathlib import Path
 from helisim.base.errors import InputError
 from helisim.cli.options import (
     Options,
+    coloured,
     parameters,
     print_written,
     progress,
@@ -49,7 +50,7 @@ def reproduce(o: Options) -> int:
         )
         write_report(out, run)
         advance("report")
-    print(render_results(run.results))
+    print(coloured(render_results(run.results)))
     results = f"{out / 'results.json'}, records in {out / 'flights'}"
     print_written(o, results, out / "report.html")
     if o.rerun is not None:
@@ -97,7 +98,7 @@ def study_recover(o: Options) -> int:
             parameters=parameters(o),
             on_progress=advance,
         )
-    print(render_results(results))
+    print(coloured(render_results(results)))
     return 1 if results.misses else 0
 
 
