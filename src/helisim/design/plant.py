@@ -197,13 +197,16 @@ def sample_parameters(
 ) -> tuple[Mapping[str, float], ...]:
     """Return every parameter of each fit, sampled once as the fits' covariances say, or InputError.
 
-    Known parameters err by their stated error, alike in all fits of the same value.
+    Known parameters err by their stated error, alike in all fits of the same value. Those that are
+    left at 0, as what fuselage and tail do with speeds, stay there: they act below the sweeps'
+    bands, where no law without speeds can hold what a draw would make grow.
     """
     shared: dict[tuple[str, float], float] = {}
     found: list[Mapping[str, float]] = []
     for fit in fits:
         free = [one.name for one in fit.structure.free]
-        known = [one for one in fit.structure.parameters if one.error > 0.0]
+        stated = [one for one in fit.structure.parameters if one.error > 0.0]
+        known = [one for one in stated if one.start]
         if fit.covariance is None or fit.carried is None:
             raise InputError(
                 f"the fit {fit.structure.name!r} doesn't state its covariance: identify it again"
@@ -221,7 +224,8 @@ def sample_parameters(
         scale = np.sqrt(np.maximum(np.diagonal(own), np.finfo(float).tiny))
         size, axes = np.linalg.eigh(own / np.outer(scale, scale))
         root = scale[:, None] * axes * np.sqrt(np.maximum(size, 0.0))
-        moved = fit.carried @ off + root @ rng.standard_normal(len(free))
+        carried = fit.carried[:, [one.start != 0.0 for one in stated]]
+        moved = carried @ off + root @ rng.standard_normal(len(free))
         values = dict(fit.values)
         values |= {name: values[name] + float(by) for name, by in zip(free, moved)}
         found.append(values | {one.name: one.start + one.error * x for one, x in zip(known, off)})
