@@ -33,7 +33,7 @@ from types import ModuleType
 
 from helisim.base import register as _register
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
 _HOMES = {
