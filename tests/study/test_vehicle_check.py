@@ -158,12 +158,12 @@ def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkey
     assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
     assert "own/README.md" in capsys.readouterr().out
     for command in (
-        "linearize own",
-        "trim own --speeds 0,5 --quiet",
-        "fly own --axis lat --duration 12 --out lat.parquet --quiet",
-        "calibrate own --write --quiet",
-        "tune own --write --quiet",
-        "linearize own --inputs IN2",
+        "vehicle linearize own",
+        "vehicle trim own --speeds 0,5 --quiet",
+        "fly --vehicle own --axis lat --duration 12 --out lat.parquet --quiet",
+        "vehicle calibrate own --write --quiet",
+        "tune --vehicle own --write --quiet",
+        "vehicle linearize own --inputs IN2",
     ):
         assert main(command.split()) == 0, command
     assert read_record(tmp_path / "lat.parquet").provenance["vehicle"] == "own"
