@@ -60,6 +60,19 @@ def test_pictures_show_the_helicopter_move():
     draws(DRAWN)
 
 
+@pytest.mark.slow
+def test_stable_baselines_standard_call_trains():
+    """PPO on `make_vec_env`, whose pictures are never asked for; where that package is."""
+    common = pytest.importorskip("stable_baselines3.common.env_util")
+    from stable_baselines3 import PPO
+
+    envs = common.make_vec_env("helisim/Hover-v0", n_envs=4)
+    agent = PPO("MlpPolicy", envs, n_steps=64, batch_size=64)
+    agent.learn(512)
+    assert agent.num_timesteps == 512
+    envs.close()
+
+
 def test_no_graphics_before_the_first_picture(monkeypatch):
     failing = Mock(side_effect=RuntimeError("no\ndisplay"))
     monkeypatch.setattr(mujoco, "Renderer", failing)
