@@ -4,8 +4,10 @@ import os
 from typing import Any
 
 from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from sphinx.writers.html5 import HTML5Translator
 
 import helisim
 from helisim.cli import command_names, parser
@@ -22,11 +24,11 @@ extensions = [
     "myst_parser",  # pages in Markdown
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",  # Args, Returns, Raises as the docstrings write them
-    "sphinx.ext.mathjax",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build"]
 html_theme = "furo"
+html_math_renderer = "mathml"
 html_title = f"helisim {release}"
 html_static_path: list[str] = []
 
@@ -60,7 +62,14 @@ class Commands(SphinxDirective):
         return section
 
 
+def mathml(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
+    """Write an equation as MathML, which browsers draw without a script or a network."""
+    writer.body.append(tex2mathml(node.astext(), as_block=isinstance(node, nodes.math_block)))
+    raise nodes.SkipNode
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directive."""
+    """Register the directive and how equations are written."""
     app.add_directive("commands", Commands)
+    app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
     return {"parallel_read_safe": True}

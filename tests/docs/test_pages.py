@@ -1,5 +1,6 @@
 """Every command and every snippet of the README and of the site runs as it is printed."""
 
+import json
 import os
 import re
 import subprocess
@@ -114,11 +115,25 @@ def test_links_lead_somewhere(page):
 
 @pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path):
-    """`sphinx-build -W docs docs/_build`: no broken reference, no page outside the contents."""
+    """No broken reference, no page outside the contents, and nothing that needs a network."""
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "--keep-going", "docs", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "theory" / "identification.html").is_file()
+    page = (tmp_path / "theory" / "identification.html").read_text(encoding="utf-8")
+    assert page.count("<math") > 30
+    assert not re.search(r"<(?:script|img|link)[^>]*(?:src|href)=\"https?:", page)
+
+
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda one: one.stem)
+def test_a_notebook_runs_from_top_to_bottom(notebook, tmp_path):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    code = ["".join(one["source"]) for one in cells if one["cell_type"] == "code"]
+    (tmp_path / "cells.py").write_text("\n\n".join(code))
+    run("MPLBACKEND=agg ipython --colors=NoColor cells.py", tmp_path)
 
 
 def test_the_readme_is_short_and_each_door_takes_at_most_ten_lines():
