@@ -26,7 +26,7 @@ extensions = [
     "sphinx.ext.napoleon",  # Args, Returns, Raises as the docstrings write them
     "sphinx_copybutton",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "paper"]
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_title = f"helisim {release}"

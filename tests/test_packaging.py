@@ -30,11 +30,18 @@ def run(command: list[str | Path], cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    """The wheel of this checkout, built with the build tools of the test extra."""
+    """The wheel of this checkout, built with the build tools of the test extra, from its archive."""
     folder = tmp_path_factory.mktemp("wheel")
-    run([sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, "."], ROOT)
+    run([sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, "."], ROOT)
     (path,) = folder.glob("helisim-*.whl")
     return path
+
+
+def test_an_index_would_take_wheel_and_archive(wheel):
+    files = sorted(wheel.parent.glob("helisim-*"))
+    assert [one.suffix for one in files] == [".whl", ".gz"]
+    said = run([sys.executable, "-m", "twine", "check", "--strict", *files], wheel.parent)
+    assert said.count("PASSED") == 2
 
 
 @pytest.fixture(scope="module")
