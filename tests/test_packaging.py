@@ -30,7 +30,7 @@ def run(command: list[str | Path], cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    """The wheel of this checkout, built with the build tools of the test extra, from its archive."""
+    """The wheel of this checkout, built from its source archive with the test extra's tools."""
     folder = tmp_path_factory.mktemp("wheel")
     run([sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, "."], ROOT)
     (path,) = folder.glob("helisim-*.whl")
