@@ -11,9 +11,6 @@ from helisim.design.laws import RateCommand as RateCommand
 from helisim.design.laws import law_of as law_of
 from helisim.design.laws import read_law as read_law
 from helisim.design.laws.state_space import StateSpaceLaw as StateSpaceLaw
-from helisim.design.lqg import LqgWeights as LqgWeights
-from helisim.design.lqg import Tracked as Tracked
-from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
 from helisim.design.proof import ProofPlan as ProofPlan
 from helisim.design.proof import prove as prove
