@@ -42,28 +42,6 @@ COL = 0  # state of the collective: its trim
 
 
 @kernel()
-def model_next(state, settings, block, wanted):
-    """Return the command model's angle and rate at the next tick."""
-    at = int(settings[block + ATTITUDE.state])
-    angle, rate = state[at], state[at + 1]
-    return (
-        settings[block + ATTITUDE.model_aa] * angle
-        + settings[block + ATTITUDE.model_ab] * rate
-        + settings[block + ATTITUDE.model_a] * wanted,
-        settings[block + ATTITUDE.model_ba] * angle
-        + settings[block + ATTITUDE.model_bb] * rate
-        + settings[block + ATTITUDE.model_b] * wanted,
-    )
-
-
-@kernel()
-def move_model(state, settings, block, angle, rate):
-    """Move the command model on to the next tick."""
-    at = int(settings[block + ATTITUDE.state])
-    state[at], state[at + 1] = angle, rate
-
-
-@kernel()
 def errors(state, settings, block, angle, rate):
     """Return the model less what is sensed: angle and rate."""
     at = int(settings[block + ATTITUDE.state])
@@ -90,27 +68,33 @@ def bounded(value, most):
 
 
 @kernel()
-def asked(settings, block, stick, centre):
-    """Return a stick's target: an angle about its centre, rad; of ped a rate, rad/s."""
-    return centre + bounded(
-        settings[block + ATTITUDE.stick] * stick, settings[block + ATTITUDE.most]
-    )
+def follow(state, settings, block, stick, centre, own, crossed):
+    """Move an axis's command model on to the next tick, towards its stick about a centre.
 
-
-@kernel()
-def follow(state, settings, block, reached, sensed, crossed):
-    """Return an axis's command without its integral, not yet mixed, and the integral's rate."""
+    Return the command without its integral, not yet mixed, and the integral's rate; `own` and
+    `crossed` are the errors of the axis and of the one that it is coupled to.
+    """
     at, period = int(settings[block + ATTITUDE.state]), settings[GENERAL.period]
-    rate = wrap_to_pi(reached[0] - state[at]) / period
-    acceleration = (reached[1] - state[at + 1]) / period
-    angle_error, rate_error = errors(state, settings, block, sensed[0], sensed[1])
-    back = settings[block + ATTITUDE.k_angle] * angle_error
-    back += settings[block + ATTITUDE.k_rate] * rate_error
+    asked = settings[block + ATTITUDE.stick] * stick
+    wanted = centre + bounded(asked, settings[block + ATTITUDE.most])
+    angle = (
+        settings[block + ATTITUDE.model_aa] * state[at]
+        + settings[block + ATTITUDE.model_ab] * state[at + 1]
+        + settings[block + ATTITUDE.model_a] * wanted
+    )
+    rate = (
+        settings[block + ATTITUDE.model_ba] * state[at]
+        + settings[block + ATTITUDE.model_bb] * state[at + 1]
+        + settings[block + ATTITUDE.model_b] * wanted
+    )
+    ahead = settings[block + ATTITUDE.ff_acceleration] * ((rate - state[at + 1]) / period)
+    ahead += settings[block + ATTITUDE.ff_rate] * (wrap_to_pi(angle - state[at]) / period)
+    state[at], state[at + 1] = angle, rate
+    back = settings[block + ATTITUDE.k_angle] * own[0]
+    back += settings[block + ATTITUDE.k_rate] * own[1]
     back += settings[block + ATTITUDE.k_angle_cross] * crossed[0]
     back += settings[block + ATTITUDE.k_rate_cross] * crossed[1]
-    ahead = settings[block + ATTITUDE.ff_acceleration] * acceleration
-    ahead += settings[block + ATTITUDE.ff_rate] * rate
-    summed = settings[block + ATTITUDE.k_integral] * angle_error
+    summed = settings[block + ATTITUDE.k_integral] * own[0]
     return ahead + filtered(state, settings, block, back), summed
 
 
@@ -130,27 +114,23 @@ def with_integral(state, settings, block, command, rate):
 def attitude_law(seen, state, settings):
     """Return the commands of the front, left, right and tail servo."""
     phi, theta = settings[GENERAL.phi], settings[GENERAL.theta]
-    roll = model_next(state, settings, LAT, asked(settings, LAT, seen.LAT, phi))
-    pitch = model_next(state, settings, LON, asked(settings, LON, seen.LON, theta))
-    turn = model_next(state, settings, PED, asked(settings, PED, seen.PED, 0.0))
-    roll_errors = errors(state, settings, LAT, seen.phi, seen.p)
-    pitch_errors = errors(state, settings, LON, seen.theta, seen.q)
-    lat, lat_rate = follow(state, settings, LAT, roll, (seen.phi, seen.p), pitch_errors)
-    lon, lon_rate = follow(state, settings, LON, pitch, (seen.theta, seen.q), roll_errors)
-    ped, ped_rate = follow(state, settings, PED, turn, (seen.psi, seen.r), (0.0, 0.0))
+    roll = errors(state, settings, LAT, seen.phi, seen.p)
+    pitch = errors(state, settings, LON, seen.theta, seen.q)
+    yaw = errors(state, settings, PED, seen.psi, seen.r)
+    heading = int(settings[PED + ATTITUDE.state])
+    held = state[heading]
+    lat, lat_rate = follow(state, settings, LAT, seen.LAT, phi, roll, pitch)
+    lon, lon_rate = follow(state, settings, LON, seen.LON, theta, pitch, roll)
+    ped, ped_rate = follow(state, settings, PED, seen.PED, 0.0, yaw, (0.0, 0.0))
     cosine, sine = settings[GENERAL.cosine], settings[GENERAL.sine]
     lat, lon = rotate(cosine, sine, lat, lon)
     lat_rate, lon_rate = rotate(cosine, sine, lat_rate, lon_rate)
     lat, _ = with_integral(state, settings, LAT, lat, lat_rate)
     lon, _ = with_integral(state, settings, LON, lon, lon_rate)
     ped, stops = with_integral(state, settings, PED, ped, ped_rate)
-    move_model(state, settings, LAT, roll[0], roll[1])
-    move_model(state, settings, LON, pitch[0], pitch[1])
-    heading = turn[0]
     if stops:  # the heading that is held then turns along, or it would run away
-        heading = state[int(settings[PED + ATTITUDE.state])]
-        heading += settings[GENERAL.period] * seen.r
-    move_model(state, settings, PED, wrap_to_pi(heading), turn[1])
+        state[heading] = held + settings[GENERAL.period] * seen.r
+    state[heading] = wrap_to_pi(state[heading])
     col = state[COL] + settings[GENERAL.col_stick] * seen.COL
     col = bounded(col, settings[GENERAL.col_limit])
     front, left, right = mix(settings, col, lon, lat, GENERAL.plate)
@@ -158,15 +138,19 @@ def attitude_law(seen, state, settings):
 
 
 @kernel()
+def begin(state, settings, block, angle, rate, command):
+    """Begin an axis with its model at an angle and a rate, its integral at a command."""
+    at = int(settings[block + ATTITUDE.state])
+    state[at], state[at + 1], state[at + INTEGRAL] = angle, rate, command
+
+
+@kernel()
 def attitude_start(seen, state, settings):
     """Begin with models at the vehicle's motion, integrals at its servos."""
-    move_model(state, settings, LAT, seen.phi, seen.p)
-    move_model(state, settings, LON, seen.theta, seen.q)
-    move_model(state, settings, PED, seen.psi, seen.r)
     col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, GENERAL.plate)
-    state[int(settings[LAT + ATTITUDE.state]) + INTEGRAL] = lat
-    state[int(settings[LON + ATTITUDE.state]) + INTEGRAL] = lon
-    state[int(settings[PED + ATTITUDE.state]) + INTEGRAL] = seen.tail
+    begin(state, settings, LAT, seen.phi, seen.p, lat)
+    begin(state, settings, LON, seen.theta, seen.q, lon)
+    begin(state, settings, PED, seen.psi, seen.r, seen.tail)
     state[COL] = col - settings[GENERAL.col_stick] * seen.COL
 
 

@@ -102,74 +102,70 @@ class StateSpaceLaw(Law, Value):
         steady = dict.fromkeys(Seen._fields, 0.0) | {"phi": trim.phi, "theta": trim.theta}
         steady |= dict(zip((*ACCELERATIONS, *SERVOS, "tail"), (*felt, *servos)))
         steady["COL"] = collective_stick(vehicle.model, trim)
-        matrices = [getattr(self, name) for name in _MATRICES]
+        matrices = [getattr(self, name).ravel() for name in _MATRICES]
+        before = LAYOUT.rest + 2 * len(self.inputs)
         settings = np.concatenate(
             [
                 [len(self.a), len(self.inputs)],
+                before + np.cumsum([0, *(one.size for one in matrices[:-1])]),
                 [trim.col, trim.lon, trim.lat, trim.ped],
                 self.limits,
                 plate.numbers,
                 [Seen._fields.index(name) for name in self.inputs],
                 [steady[name] for name in self.inputs],
-                *(one.ravel() for one in matrices),
+                *matrices,
             ],
             dtype=np.float64,
         )
         return self._flown(COMPILED, len(self.a), settings)
 
 
-Layout = namedtuple("Layout", "states inputs trim limit plate rest")
-"""Addresses in the settings before the matrices: counts, trim, limits, plate."""
+Layout = namedtuple("Layout", "states inputs a b c d windup start trim limit plate rest")
+"""Addresses in the settings: counts, where matrices begin, trim, limits, plate, inputs."""
 known(Layout)
 
-LAYOUT = Layout(0, 1, 2, 6, 10, 10 + PLATE_NUMBERS)
+LAYOUT = Layout(*range(8), 8, 12, 16, 16 + PLATE_NUMBERS)
 _HEADING = 6  # place of psi in `Seen`
 
 
-@kernel()
-def sensed(seen, settings, k):
-    """Return the k-th input, from the trim's."""
+@register_jitable(error_model="numpy")  # no `kernel`: it keeps an array of its own
+def sensed(seen, settings):
+    """Return the inputs from the trim's, (n_in,)."""
     count = int(settings[LAYOUT.inputs])
-    place = int(settings[LAYOUT.rest + k])
-    off = seen[place] - settings[LAYOUT.rest + count + k]
-    return wrap_to_pi(off) if place == _HEADING else off
+    inputs = np.empty(count)
+    for k in range(count):
+        place = int(settings[LAYOUT.rest + k])
+        off = seen[place] - settings[LAYOUT.rest + count + k]
+        inputs[k] = wrap_to_pi(off) if place == _HEADING else off
+    return inputs
 
 
 @kernel()
-def row_times(settings, first, count, values):
-    """Return the sum of a matrix's row, from address `first`, times values."""
-    total = 0.0
-    for k in range(count):
+def row_times(settings, matrix, row, values):
+    """Return the sum of a matrix's row times values; `matrix` is where its address stands."""
+    first, total = int(settings[matrix]) + row * len(values), 0.0
+    for k in range(len(values)):
         total += settings[first + k] * values[k]
     return total
 
 
-@register_jitable(error_model="numpy")  # no `kernel`: it keeps arrays of its own
+@register_jitable(error_model="numpy")
 def state_space_law(seen, state, settings):
     """Return the commands of the front, left, right and tail servo."""
-    n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
-    inputs, before = np.empty(count), np.empty(n)
-    for k in range(count):
-        inputs[k] = sensed(seen, settings, k)
+    n, inputs = int(settings[LAYOUT.states]), sensed(seen, settings)
+    before, given, over = np.empty(n), np.empty(4), np.empty(4)
     for k in range(n):
         before[k] = state[k]
-    a = LAYOUT.rest + 2 * count
-    b = a + n * n
-    c = b + n * count
-    d = c + 4 * n
-    windup = d + 4 * count
-    given, over = np.empty(4), np.empty(4)
     for k in range(4):
         command = settings[LAYOUT.trim + k]
-        command += row_times(settings, c + k * n, n, before)
-        command += row_times(settings, d + k * count, count, inputs)
+        command += row_times(settings, LAYOUT.c, k, before)
+        command += row_times(settings, LAYOUT.d, k, inputs)
         limit = settings[LAYOUT.limit + k]
         given[k] = min(limit, max(-limit, command))
         over[k] = given[k] - command
     for k in range(n):
-        moved = row_times(settings, a + k * n, n, before)
-        moved += row_times(settings, b + k * count, count, inputs)
-        state[k] = moved + row_times(settings, windup + 4 * k, 4, over)
+        moved = row_times(settings, LAYOUT.a, k, before) + row_times(settings, LAYOUT.b, k, inputs)
+        state[k] = moved + row_times(settings, LAYOUT.windup, k, over)
     front, left, right = mix(settings, given[0], given[1], given[2], LAYOUT.plate)
     return front, left, right, given[3]
 
@@ -177,19 +173,14 @@ def state_space_law(seen, state, settings):
 @register_jitable(error_model="numpy")
 def start_state(seen, state, settings):
     """Begin with the state that commands what stands, as far as the law has states for it."""
-    n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
-    inputs, missing = np.empty(count), np.empty(4)
-    for k in range(count):
-        inputs[k] = sensed(seen, settings, k)
-    d = LAYOUT.rest + 2 * count + n * n + n * count + 4 * n
-    start = d + 4 * count + 4 * n
+    inputs = sensed(seen, settings)
     col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, LAYOUT.plate)
-    missing[0], missing[1], missing[2], missing[3] = col, lon, lat, seen.tail
+    missing = np.array([col, lon, lat, seen.tail])
     for k in range(4):
         missing[k] -= settings[LAYOUT.trim + k]
-        missing[k] -= row_times(settings, d + k * count, count, inputs)
-    for k in range(n):
-        state[k] = row_times(settings, start + 4 * k, 4, missing)
+        missing[k] -= row_times(settings, LAYOUT.d, k, inputs)
+    for k in range(int(settings[LAYOUT.states])):
+        state[k] = row_times(settings, LAYOUT.start, k, missing)
 
 
 COMPILED = KnownLaw(state_space_law, start_state)
