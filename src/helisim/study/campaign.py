@@ -4,7 +4,7 @@ A campaign file (TOML) has `[campaign]`, and values in `[set.SECTION]` and `[var
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 from os import PathLike
@@ -29,7 +29,7 @@ from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weat
 from helisim.study.models import KNOWN_MODELS, MODELS, ModelSpec
 from helisim.vehicle import Vehicle, load, standard_parameters
 from helisim.vehicle.assembly import Integrator
-from helisim.vehicle.parameters import is_shipped, model_folder, number_of, words_of
+from helisim.vehicle.parameters import is_shipped, model_folder, number_of
 
 T = TypeVar("T")
 
@@ -66,12 +66,19 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Vehicle, by name or folder, and changed settings of one replicate."""
+class Replicate:
+    """One replicate, counted from 0, its varied values by key, and what it flies.
 
+    The vehicle is a name or a folder; `changes` are of settings, with whether they are factors.
+    """
+
+    number: int
+    point: int
+    seed: int
+    values: Point
     vehicle: str
-    changes: Changes = field(default_factory=dict)
-    integrator: Integrator = "RK4"
+    changes: Changes
+    integrator: Integrator
 
     def load(self) -> Vehicle:
         """Return the vehicle with its changed parameters. Raises as `helisim.load` does."""
@@ -81,13 +88,14 @@ class Settings:
         """Return the changed parameters of the vehicle. Raises UnknownNameError, InputError."""
         standard, new = _standard(self.vehicle), {}
         for name, (value, relative) in self.changes.get("vehicle", {}).items():
-            old, where = standard[name], f"vehicle.{name}"
-            if words_of(name):
-                new[name] = number_of(name, value)
-            else:
-                number = convert(float, value, where)
-                new[name] = _scaled(where, old, number) if relative else number
+            old = standard[name]
+            scaled = _scaled(f"vehicle.{name}", old, value) if relative else value
+            new[name] = number_of(name, scaled)
         return new
+
+    def changed(self, section: str, usual: T) -> T:
+        """Return a section's usual value object with this replicate's changes. Raises as above."""
+        return _applied(section, usual, self.changes.get(section, {}))
 
     def sweep(self, axis: str, parameters: Mapping[str, float]) -> Sweep:
         """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only."""
@@ -96,23 +104,17 @@ class Settings:
         own = {name.partition(".")[2]: changes[name] for name in changes if name[:4] == f"{axis}."}
         return _applied("sweep", Sweep(axis=axis).on(parameters), {**general, **own})
 
-    def plan(self, axis: str, parameters: Mapping[str, float]) -> FlightPlan:
+    def plan(
+        self, axis: str, parameters: Mapping[str, float], recorder: Recorder | None = None
+    ) -> FlightPlan:
         """Return the plan of a sweep of one axis, on a vehicle of these parameters."""
-        usual = {"pilot": Pilot(), "recorder": Recorder(), "weather": Weather()}
-        changed = {
-            name: _applied(name, one, self.changes.get(name, {}))
-            for name, one in {**usual, "envelope": FlightEnvelope()}.items()
-        }
-        return FlightPlan(excitation=self.sweep(axis, parameters), **changed)
-
-    def recorder(self, vehicle: Vehicle) -> Recorder:
-        """Return the flight computer, with the vehicle's own latencies unless they are set."""
-        return _applied("recorder", Recorder.of(vehicle), self.changes.get("recorder", {}))
-
-    @property
-    def weather(self) -> Weather:
-        """The weather, calm unless it is set."""
-        return _applied("weather", Weather(), self.changes.get("weather", {}))
+        return FlightPlan(
+            excitation=self.sweep(axis, parameters),
+            pilot=self.changed("pilot", Pilot()),
+            recorder=self.changed("recorder", recorder or Recorder()),
+            weather=self.changed("weather", Weather()),
+            envelope=self.changed("envelope", FlightEnvelope()),
+        )
 
 
 def _applied(section: str, usual: T, changes: Mapping[str, tuple[Value, bool]]) -> T:
@@ -122,15 +124,14 @@ def _applied(section: str, usual: T, changes: Mapping[str, tuple[Value, bool]]) 
         top, _, inner = name.partition(".")
         if top not in known:
             raise UnknownNameError(f"setting of {section}", name, known)
-        where, old = f"{section}.{name}", table[top]
-        if not inner:
-            table[top] = _scaled(where, old, value) if relative else value
-            continue
-        parts = {} if old is None else old
-        if not isinstance(parts, dict):
-            raise InputError(f"{section} has no {name}: {top} has no parts")
-        part = _scaled(where, parts.get(inner), value) if relative else value
-        table[top] = {**parts, inner: part}
+        held, key = table, top
+        if inner:
+            parts = {} if table[top] is None else table[top]
+            if not isinstance(parts, dict):
+                raise InputError(f"{section} has no {name}: {top} has no parts")
+            held, key = parts, inner
+            table[top] = parts
+        held[key] = _scaled(f"{section}.{name}", held.get(key), value) if relative else value
     return from_plain(type(usual), table, section)
 
 
@@ -143,17 +144,6 @@ def _scaled(where: str, old: Any, value: Value) -> Any:
     if not is_number(old):
         raise InputError(f"{where} is {old!r}, which can't be multiplied: drop relative")
     return factor * old
-
-
-@dataclass(frozen=True)
-class Replicate:
-    """One replicate, counted from 0, with its varied values by key and its settings."""
-
-    number: int
-    point: int
-    seed: int
-    values: Point
-    settings: Settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,10 +193,10 @@ class Campaign:
                     )
         standard = _standard(str(self.vehicle))
         for number in range(len(self.points)):  # a mistake is told before anything is flown
-            settings = self.replicate(number).settings
-            parameters = {**standard, **settings.parameters()}
+            one = self.replicate(number)
+            parameters = {**standard, **one.parameters()}
             for axis in dict.fromkeys((*self.axes, *AXES)):
-                settings.plan(axis, parameters)
+                one.plan(axis, parameters)
 
     def __len__(self) -> int:
         return len(self.points) * self.replicates
@@ -223,8 +213,8 @@ class Campaign:
             value = values.get(one.key, one.values[0])
             changes.setdefault(one.section, {})[one.name] = (value, one.relative)
         seed = self.seed + (number if self.seeds == "own" else again)
-        flown = Settings(str(self.vehicle), changes, self.integrator)
-        return Replicate(number, point, seed, values, flown)
+        vehicle = str(self.vehicle)
+        return Replicate(number, point, seed, values, vehicle, changes, self.integrator)
 
     @cached_property
     def points(self) -> list[Point]:

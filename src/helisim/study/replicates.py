@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from helisim.records.record import (
     versions,
 )
 from helisim.records.storage import read_table
-from helisim.sim import Recorder, fly
+from helisim.sim import Recorder, Weather, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign import MODEL_NAMES, Campaign, Method, Replicate, Variation
 from helisim.study.comparison import ComparisonTable, comparison_table, identify_model
@@ -94,13 +94,12 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Row]:
         for model in campaign.chosen
     ]
     try:
-        vehicle = one.settings.load()
-        recorder = one.settings.recorder(vehicle)
-        plans = {
-            axis: replace(one.settings.plan(axis, vehicle.parameters), recorder=recorder)
-            for axis in campaign.axes
-        }
-        air = air_met(vehicle, one.settings.weather)  # the truth is of the hover in it
+        vehicle = one.load()
+        own = Recorder.of(vehicle)
+        recorder = one.changed("recorder", own)
+        plans = {axis: one.plan(axis, vehicle.parameters, own) for axis in campaign.axes}
+        weather = one.changed("weather", Weather())
+        air = air_met(vehicle, weather)  # the truth is of the hover in it
         ground = _ground_tests(campaign.chosen, vehicle, one.seed, recorder)
     except HelisimError as error:
         return [row for task in tasks for row in task.failed(error)]
@@ -177,69 +176,19 @@ def _done(work: list[FlightRecord] | HelisimError) -> list[FlightRecord]:
     return work
 
 
-class Dataset:
-    """The folder of one campaign: a part for each replicate, then one Parquet file."""
-
-    def __init__(self, folder: Path, campaign: Campaign) -> None:
-        self.folder = folder
-        self.campaign = campaign
-        self._parts = folder / _PARTS
-
-    @cached_property
-    def schema(self) -> pa.Schema:
-        """Columns and provenance."""
-        columns = [(name, pa.int64()) for name in ("replicate", "point", "seed")]
-        columns += [(one.key, _type_of(one)) for one in self.campaign.varied]
-        name, version = FORMAT
-        header = {"format": name, "version": version, "provenance": self.provenance}
-        return pa.schema([*columns, *COLUMNS.items()], metadata={_METADATA: one_line(header)})
-
-    @cached_property
-    def provenance(self) -> dict[str, Any]:
-        """The plan, and the versions that compute its numbers."""
-        return dict(plain(made_by("campaign", campaign=self.campaign.to_dict(), truth=_TRUTH)))
-
-    def missing(self) -> list[Replicate]:
-        """Return the replicates without an intact part. Raises InputError for another campaign."""
-        if self._holds(self.folder / _NAME):
-            return []
-        return [one for one in self.campaign if not self._holds(self._part(one.number))]
-
-    def add(self, number: int, rows: Sequence[Row]) -> None:
-        """Write the part of a replicate, complete or not at all. Raises StorageError."""
-        one = self.campaign.replicate(number)
-        own = {"replicate": number, "point": one.point, "seed": one.seed, **one.values}
-        table = pa.Table.from_pylist([own | row for row in rows], schema=self.schema)
-        _write(table, self._part(number))
-
-    def compact(self) -> Path:
-        """Merge all parts into one file, in order, and remove them. Raises StorageError."""
-        path = self.folder / _NAME
-        if not path.exists():
-            parts = [self._part(number) for number in range(len(self.campaign))]
-            _write(pa.concat_tables([_read(part) for part in parts]).combine_chunks(), path)
-        shutil.rmtree(self._parts, ignore_errors=True)
-        return path
-
-    def _part(self, number: int) -> Path:
-        return self._parts / f"{number:06d}.parquet"
-
-    def _holds(self, path: Path) -> bool:
-        try:
-            found = _header(path, _read(path).schema)
-        except StorageError:
-            return False
-        change = difference(found, self.provenance)
-        if change:
-            raise InputError(
-                f"{path} is of another campaign: {change}; choose another folder, or remove it"
-            )
-        return True
-
-
 def _type_of(variation: Variation) -> pa.DataType:
     known = {bool: pa.bool_(), str: pa.string(), tuple: pa.list_(pa.float64())}
     return known.get(type(variation.values[0]), pa.float64())
+
+
+def _schema(campaign: Campaign) -> pa.Schema:
+    """Return columns, and as provenance the plan and the versions that compute its numbers."""
+    columns = [(name, pa.int64()) for name in ("replicate", "point", "seed")]
+    columns += [(one.key, _type_of(one)) for one in campaign.varied]
+    name, version = FORMAT
+    made = dict(plain(made_by("campaign", campaign=campaign.to_dict(), truth=_TRUTH)))
+    header = {"format": name, "version": version, "provenance": made}
+    return pa.schema([*columns, *COLUMNS.items()], metadata={_METADATA: one_line(header)})
 
 
 def read_dataset(path: str | Path) -> tuple[pa.Table, dict[str, Any]]:
@@ -284,19 +233,41 @@ def run_campaign(
     Its bytes depend on campaign and library versions only, not on the executor, `local()` if None.
     Raises InputError where the folder holds another campaign, StorageError, or WorkerError.
     """
-    dataset = Dataset(Path(folder), campaign)
-    missing = dataset.missing()
+    path, parts, schema = Path(folder) / _NAME, Path(folder) / _PARTS, _schema(campaign)
+    files = [parts / f"{number:06d}.parquet" for number in range(len(campaign))]
+    whole = _holds(path, schema)
+    missing = [one for one in campaign if not whole and not _holds(files[one.number], schema)]
     on_replicate = on_replicate or (lambda: None)
     for _ in range(len(campaign) - len(missing)):
         on_replicate()
     if missing:
-        make_folder(dataset.folder / _PARTS)
+        make_folder(parts)
         work = partial(_work, campaign, versions())
         with closing((executor or local())(work, missing)) as finished:  # stops what still runs
             for number, rows in finished:
-                dataset.add(number, rows)
+                one = campaign.replicate(number)
+                own = {"replicate": number, "point": one.point, "seed": one.seed, **one.values}
+                table = pa.Table.from_pylist([own | row for row in rows], schema=schema)
+                _write(table, files[number])
                 on_replicate()
-    return dataset.compact()
+    if not whole:
+        _write(pa.concat_tables([_read(file) for file in files]).combine_chunks(), path)
+    shutil.rmtree(parts, ignore_errors=True)
+    return path
+
+
+def _holds(path: Path, schema: pa.Schema) -> bool:
+    """Return whether a file is intact. Raises InputError if it is of another campaign."""
+    try:
+        found = _header(path, _read(path).schema)
+    except StorageError:
+        return False
+    change = difference(found, _header(path, schema))
+    if change:
+        raise InputError(
+            f"{path} is of another campaign: {change}; choose another folder, or remove it"
+        )
+    return True
 
 
 def _work(campaign: Campaign, expected: Mapping[str, str], one: Replicate) -> tuple[int, list[Row]]:
@@ -322,12 +293,12 @@ class Summary:
     parameter: str
     count: int
     failed: int
-    bias: float = math.nan
-    scatter: float = math.nan
-    stated: float = math.nan
-    cramer_rao: float = math.nan
-    covered: float = math.nan
-    covered_by_cr: float = math.nan
+    bias: float
+    scatter: float
+    stated: float
+    cramer_rao: float
+    covered: float
+    covered_by_cr: float
 
 
 def summarise(table: pa.Table, *, by: Sequence[str] = ()) -> list[Summary]:
@@ -362,24 +333,27 @@ def _summary(
     group: dict[str, Any], model: str, parameter: str, rows: Sequence[dict[str, Any]]
 ) -> Summary:
     judged = [row for row in rows if _judged(row)]
-    failed = sum(row["failure"] is not None for row in rows)
-    given: dict[str, Any] = {"group": group, "model": model, "parameter": parameter}
-    given |= {"count": len(judged), "failed": failed}
-    if not judged:
-        return Summary(**given)
     error = errors(judged)
     size = np.array([abs(row["truth"]) for row in judged])
     stated = np.array([row["standard_error"] for row in judged]) / size
     bound = np.array([row["cramer_rao"] for row in judged]) / size
     return Summary(
-        **given,
-        bias=float(error.mean()),
+        group=group,
+        model=model,
+        parameter=parameter,
+        count=len(judged),
+        failed=sum(row["failure"] is not None for row in rows),
+        bias=_mean(error),
         scatter=float(error.std(ddof=1)) if len(judged) > 1 else math.nan,
-        stated=math.sqrt(float(np.mean(stated**2))),
-        cramer_rao=math.sqrt(float(np.mean(bound**2))),
-        covered=float(np.mean(np.abs(error) <= _Z * stated)),
-        covered_by_cr=float(np.mean(np.abs(error) <= bound)),
+        stated=math.sqrt(_mean(stated**2)),
+        cramer_rao=math.sqrt(_mean(bound**2)),
+        covered=_mean(np.abs(error) <= _Z * stated),
+        covered_by_cr=_mean(np.abs(error) <= bound),
     )
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(np.mean(values)) if values.size else math.nan
 
 
 _HEADINGS = ("parameter", "n", "failed", "bias %", "scat. %", "SE %", "CR %", "in 95 %", "in CR")

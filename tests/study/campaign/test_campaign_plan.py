@@ -11,7 +11,7 @@ import pyarrow as pa
 import pytest
 
 from helisim.base.errors import HelisimError, InputError, StorageError, UnknownNameError
-from helisim.sim import Gust, Weather
+from helisim.sim import Gust, Recorder, Weather
 from helisim.study.campaign import campaign_from, read_campaign
 from helisim.study.models import YAW_BASE
 from helisim.study.replicates import render, summarise
@@ -43,9 +43,9 @@ def test_a_grid_has_every_combination_and_replicate():
 
 
 def test_settings_reach_what_flies(jr700):
-    settings, name = plan(PLAN).replicate(11).settings, "main_rotor.hub_stiffness"
+    settings, name = plan(PLAN).replicate(11), "main_rotor.hub_stiffness"
     assert settings.parameters() == {name: pytest.approx(1.2 * jr700.parameters[name], rel=1e-15)}
-    recorder = settings.recorder(jr700)
+    recorder = settings.changed("recorder", Recorder.of(jr700))
     assert recorder.noise["p"] == 0.002
     assert recorder.noise["w"] == 4 * 0.02
     assert recorder.latency["r"] == jr700.parameters["recorder_latency.r"]
@@ -56,29 +56,29 @@ def test_settings_reach_what_flies(jr700):
 
 def test_a_factor_multiplies_what_the_axis_has_of_its_own(jr700):
     campaign = plan("[vary.sweep]\namplitude = { values = [0.5, 2.0], relative = true }")
-    sticks = [one.settings.sweep("lat", jr700.parameters).amplitude for one in campaign]
+    sticks = [one.sweep("lat", jr700.parameters).amplitude for one in campaign]
     assert sticks == [0.035, 0.14]
     campaign = plan("[vary.sweep]\nlat.band = [[1.0, 40.0], [2.0, 30.0]]")
-    bands = [one.settings.sweep("lat", jr700.parameters).band for one in campaign]
+    bands = [one.sweep("lat", jr700.parameters).band for one in campaign]
     assert bands == [(1.0, 40.0), (2.0, 30.0)]
-    assert campaign.replicate(0).settings.sweep("ped", jr700.parameters).band == (0.3, 30.0)
+    assert campaign.replicate(0).sweep("ped", jr700.parameters).band == (0.3, 30.0)
 
 
 def test_weather_reaches_what_flies():
     text = "[set.weather]\nwind = 2\ngust.down = 1.5\n[vary.weather]\nturbulence = [0, 1.5]"
     campaign = plan(text)
-    calm, rough = (one.settings.weather for one in campaign)
+    calm, rough = (one.changed("weather", Weather()) for one in campaign)
     assert calm.dryden is None
     # MIL-F-8785C, section 3.7.3: a tenth of the wind at 20 ft
     assert rough.dryden.rms[2] == pytest.approx(0.15, rel=1e-12)
     assert {one.wind for one in (calm, rough)} == {2}
     assert calm.gust == Gust(down=1.5)
-    assert campaign_from({}).replicate(0).settings.weather == Weather()
+    assert campaign_from({}).replicate(0).changed("weather", Weather()) == Weather()
 
 
 def test_a_vehicle_is_loaded_with_its_parameters_and_the_integrator():
     text = '[campaign]\nintegrator = "Euler"\n[vary.vehicle]\nmain_rotor.hub_stiffness = [80, 100]'
-    vehicle = plan(text).replicate(1).settings.load()
+    vehicle = plan(text).replicate(1).load()
     assert vehicle.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     assert vehicle.parameters["main_rotor.hub_stiffness"] == 100
     assert vehicle.derivatives["L_b"] > load().derivatives["L_b"]
