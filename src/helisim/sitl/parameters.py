@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.files import atomic_write
 from helisim.base.linear import Linear
-from helisim.base.settings import FrozenMap
+from helisim.base.settings import check
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
 from helisim.handling.figures import margins, rejection
@@ -55,9 +55,7 @@ class AutopilotParameters:
     remarks: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
-        groups = {heading: tuple(some) for heading, some in self.groups.items()}
-        object.__setattr__(self, "groups", FrozenMap(groups))
-        object.__setattr__(self, "remarks", tuple(self.remarks))
+        check(self)
 
     @property
     def settings(self) -> tuple[Setting, ...]:

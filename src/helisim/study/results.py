@@ -10,7 +10,7 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError, StorageError, item_of
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
-from helisim.base.settings import Value, check, from_plain, placed, setting, to_plain
+from helisim.base.settings import Value, check, from_plain, placed, setting, setting_names, to_plain
 from helisim.ident.verification import VerificationFigures
 from helisim.records.record import AXES, FlightRecord, made_by
 from helisim.records.storage import read_record
@@ -138,6 +138,10 @@ def read_results(path: str | Path) -> Results:
     return Results.from_dict(read_json(path), str(path))
 
 
+_FILED = [name for name in setting_names(ident.Verification) if name != "inputs"]
+"""Fields of a verification in a file; its inputs are the structure's."""
+
+
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel(Value):
     """One identified model with its exact response and verification.
@@ -158,16 +162,14 @@ class IdentifiedModel(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        checked, told = self.verification, None
-        if checked is not None:
-            approach = checked.approach and checked.approach.to_dict()
-            told = {**to_plain(checked), "approach": approach}
-            del told["inputs"]  # the structure's
+        told = None
+        if self.verification is not None:
+            told = {name: as_json(getattr(self.verification, name)) for name in _FILED}
         return {
             "name": self.name,
             "note": self.note,
             "fit": self.fit.to_dict(),
-            "exact": self.exact and self.exact.to_dict(),
+            "exact": as_json(self.exact),
             "verification": told,
             "verified_on": list(self.verified_on),
         }
@@ -178,13 +180,10 @@ class IdentifiedModel(Value):
         if not isinstance(data, Mapping) or "fit" not in data:
             raise InputError(f"{place} must be a table with a fit, got {data!r:.60}")
         fit = ident.Fit.from_dict(data["fit"])
-        exact, told = data.get("exact"), data.get("verification")
-        if exact is not None:
-            exact = ident.FrequencyResponse.from_dict(exact)
+        told = data.get("verification")
         if isinstance(told, Mapping):
             told = {**told, "inputs": list(fit.structure.inputs)}
-        given = {**data, "fit": fit, "exact": exact, "verification": told}
-        return from_plain(cls, given, place, lenient=True)
+        return from_plain(cls, {**data, "fit": fit, "verification": told}, place, lenient=True)
 
 
 def write_models(path: str | Path, items: Sequence[IdentifiedModel]) -> Path:

@@ -51,7 +51,7 @@ class Law(ABC):
     kind: ClassVar[str]
     not_tuned: ClassVar[tuple[str, ...]] = ()
     name: str = ""
-    provenance: Mapping[str, Any] = FrozenMap({})
+    provenance: Mapping[str, Any] = setting(FrozenMap({}), unsaid=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.kind)
@@ -83,12 +83,14 @@ class Law(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as in its file; see `law_of`."""
-        plain = {name: one for name, one in to_plain(self).items() if name != "provenance"}
-        tables = {name: one for name, one in plain.items() if isinstance(one, Mapping)}
-        if self.provenance:
-            tables["provenance"] = dict(self.provenance)
-        whole = {name: one for name, one in plain.items() if name not in tables}
-        return {"kind": self.kind, "version": VERSION, **whole, **tables}
+        plain = to_plain(self)
+        made = plain.pop("provenance", {})
+        return {
+            "kind": self.kind,
+            "version": VERSION,
+            **plain,
+            **({"provenance": made} if made else {}),
+        }
 
     def to_toml(self) -> str:
         """Return the text of its file."""
