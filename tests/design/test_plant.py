@@ -39,15 +39,11 @@ def test_what_is_recorded_late_is_sensed_at_once_and_late_by_the_gyro(yaw):
 
 
 def test_a_fall_has_no_gyro_and_a_rate_that_is_its_acceleration():
-    """dw/dt = Z_w w + Z_col col: w is as late as it is recorded less so, az = s w; angles, turned.
-
-    And what two fits tell is the first's.
-    """
+    """dw/dt = Z_w w + Z_col col: w is late as it is recorded less so; az = s w; turned angles."""
     heave = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-42.0, tau_col=0.05)
-    other = fitted(ident.structures.heave, Z_w=-0.5, Z_col=-30.0, tau_col=0.05)
     rolling, tilt = fitted(ROLLPITCH, **ROLL, tau_lat=0.0, tau_lon=0.0), (0.2, -0.1)
     late = {"w": 0.03, "col": 0.01}
-    plant = Plant((heave, rolling, other), late=late, latency=0.004, tilt=tilt)
+    plant = Plant((heave, rolling), late=late, latency=0.004, tilt=tilt)
     s, found = 1j * OMEGA, dict(zip(plant.outputs, plant.response(OMEGA)))
     w = -42.0 / (s + 0.9) * np.exp(-s * (0.05 - 0.03 + 0.01))
     np.testing.assert_allclose(found["w"][0], w, rtol=1e-9)
@@ -58,12 +54,11 @@ def test_a_fall_has_no_gyro_and_a_rate_that_is_its_acceleration():
     assert plant.axes == ("col", "lon", "lat")
 
 
-def test_a_fit_of_which_another_tells_a_part_is_refused():
+def test_fits_that_tell_the_same_are_refused():
     rolling = fitted(ROLLPITCH, **ROLL, tau_lat=0.0, tau_lon=0.0)
     part = fitted(ident.structures.yaw_base.renamed({"ped": "lat", "r": "p"}), **TRUE)
-    with pytest.raises(NoResponse, match="tells p/lon, q/lat, q/lon only, the rest"):
-        Plant((part, rolling)).response(OMEGA)
-    assert Plant((rolling, part)).response(OMEGA).shape == (4, 2, 60)
+    with pytest.raises(InputError, match="two fits tell p/lat: leave one of them out"):
+        Plant((part, rolling))
     with pytest.raises(InputError, match="a plant needs a fit, and values of each: got 2 and 1"):
         Plant((part, rolling), values=(part.values,))
 

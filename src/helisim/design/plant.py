@@ -1,6 +1,8 @@
 """The identified aircraft as a control law sees it, without the records' latencies."""
 
+import itertools
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,11 +27,11 @@ _INTEGRALS = tuple(f"integral of {rate}" for rate in RATES)
 class Plant(Value):
     """Identified models from a law's commands to what it senses; `Linear`.
 
-    Of two models with the same output and input the first counts; what none has is 0. Channels are
-    recorded `late` by s, the law sees sticks late by `stick_latency`, s, and uses rates `latency`,
-    s, after sensing; half the `period`, s, of the gyro's ticks is among a fit's delays already.
-    `tilt` is the steady roll and pitch angle, rad; `values` are parameters of each fit, by default
-    those found.
+    What no model has is 0; InputError if two have the same output and input. Channels are recorded
+    `late` by s, the law sees sticks late by `stick_latency`, s, and uses rates `latency`, s, after
+    sensing; half the `period`, s, of the gyro's ticks is among a fit's delays already. `tilt` is
+    the steady roll and pitch angle, rad; `values` are parameters of each fit, by default those
+    found.
     """
 
     fits: tuple[Fit, ...]
@@ -54,6 +56,11 @@ class Plant(Value):
                 f"no fit begins at a servo command ({', '.join(IN1)}): their inputs are "
                 f"{', '.join(name for fit in self.fits for name in fit.structure.inputs)}"
             )
+
+        told = Counter(pair for fit in self.fits for pair in itertools.product(*self._told(fit)))
+        twice = [f"{output}/{name}" for (name, output), count in told.items() if count > 1]
+        if twice:
+            raise InputError(f"two fits tell {', '.join(twice)}: leave one of them out")
 
     def __repr__(self) -> str:
         fits = ", ".join(fit.structure.name for fit in self.fits)
@@ -120,29 +127,20 @@ class Plant(Value):
 
     @cached_property
     def _parts(self) -> list[LinearSystem]:
-        """The fits, continuous, each with what it alone or first tells. Raises NoResponse."""
-        known: set[tuple[str, str]] = set()
-        parts = []
-        for fit, values in zip(self.fits, self.values):
-            outputs = [name for name in fit.structure.outputs if name in self.sensed]
-            inputs = [name for name in fit.structure.inputs if name in self.inputs]
-            told = [(y, u) for y in outputs for u in inputs if (y, u) not in known]
-            known |= set(told)
-            if told:
-                parts.append(self._part(fit, values, told))
-        return parts
+        """The fits, continuous. Raises NoResponse."""
+        return [
+            self._part(fit, values)
+            for fit, values in zip(self.fits, self.values)
+            if all(self._told(fit))
+        ]
 
-    def _part(
-        self, fit: Fit, values: Mapping[str, float], told: Sequence[tuple[str, str]]
-    ) -> LinearSystem:
-        structure = fit.structure
-        outputs = tuple(dict.fromkeys(output for output, _ in told))
-        inputs = tuple(dict.fromkeys(name for _, name in told))
-        if len(told) != len(outputs) * len(inputs):
-            raise NoResponse(
-                f"the model {structure.name!r} tells {', '.join(map('/'.join, told))} only, the "
-                "rest of it is told by another fit: leave one of them out"
-            )
+    def _told(self, fit: Fit) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return a fit's inputs and outputs that are the plant's."""
+        inputs = tuple(name for name in fit.structure.inputs if name in IN1)
+        return inputs, tuple(name for name in fit.structure.outputs if name in self.sensed)
+
+    def _part(self, fit: Fit, values: Mapping[str, float]) -> LinearSystem:
+        structure, (inputs, outputs) = fit.structure, self._told(fit)
         try:
             model = evaluate.linear(structure, values).select(inputs, outputs)
         except IdentificationError:

@@ -119,21 +119,6 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
         )
     unit = float(np.mean(np.abs(travel)))
     azimuths = -np.degrees(np.arctan2(rows[:, 1], rows[:, 0]))
-    found = [Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)")]
-    for k, azimuth in enumerate(azimuths.tolist(), 1):
-        why = "azimuth of its ball link, deg from the nose to the right"
-        found.append(Setting(f"H_SW_H3_SV{k}_POS", round(azimuth, 6) + 0.0, why if k == 1 else ""))
-    found += [
-        Setting(
-            "H_SW_H3_PHANG",
-            0.0,
-            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
-        ),
-        Setting("H_SW_COL_DIR", 0.0),
-    ]
-    for k, one in enumerate(each):
-        reversed_one = bool(signs[k] * travel[k] < 0.0)
-        found += _servo(one, 33 + k, reversed_one, f"servo {k + 1} of the swashplate, us")
     low, high = collective(vehicle)
     least = 1500.0 + low * unit
     if least < 1000.0 or 1500.0 + high * unit > 2000.0:
@@ -142,18 +127,34 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
             "ArduPilot sends 1000 to 2000 us to a swashplate; make [outputs] travel smaller, or "
             "servo.travel larger"
         )
-    angles = [_pitch(vehicle, end) for end in (low, high)]
     share = (vehicle.trim.col - low) / (high - low)
     cyclic = min(_RANGE * float(np.mean(arms)) * unit, CYCLIC)
-    found += [
+    where = {1: "azimuth of its ball link, deg from the nose to the right"}
+    found = (
+        Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)"),
+        *(
+            Setting(f"H_SW_H3_SV{k}_POS", round(azimuth, 6) + 0.0, where.get(k, ""))
+            for k, azimuth in enumerate(azimuths.tolist(), 1)
+        ),
+        Setting(
+            "H_SW_H3_PHANG",
+            0.0,
+            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
+        ),
+        Setting("H_SW_COL_DIR", 0.0),
+        *(
+            setting
+            for k, (one, turned) in enumerate(zip(each, (signs * travel < 0.0).tolist()))
+            for setting in _servo(one, 33 + k, turned, f"servo {k + 1} of the swashplate, us")
+        ),
         Setting(
             "H_COL_MIN",
             round(least),
             f"collective from {low:+.2f} to {high:+.2f}, a unit is {unit:.1f} us at the servos",
         ),
         Setting("H_COL_MAX", round(1500.0 + high * unit)),
-        Setting("H_COL_ANG_MIN", round(angles[0], 2), "the blades' pitch there, deg"),
-        Setting("H_COL_ANG_MAX", round(angles[1], 2)),
+        Setting("H_COL_ANG_MIN", round(_pitch(vehicle, low), 2), "the blades' pitch there, deg"),
+        Setting("H_COL_ANG_MAX", round(_pitch(vehicle, high), 2)),
         Setting(
             "H_COL_ZERO_THRST", 0.0, "deg: pitch is counted at 3/4 radius, where none is no thrust"
         ),
@@ -165,8 +166,8 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
             round(cyclic / CYCLIC * FULL_CYCLIC),
             f"cyclic of {_RANGE:g}, as the sticks': {cyclic:.0f} us, where 4500 is {CYCLIC:.0f}",
         ),
-    ]
-    return tuple(found), remarks
+    )
+    return found, remarks
 
 
 def collective(vehicle: Vehicle) -> tuple[float, float]:

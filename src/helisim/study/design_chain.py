@@ -57,36 +57,33 @@ _SERVOS = {
 
 @dataclass(frozen=True)
 class _Model:
-    """A model; `across` scales the lower end of the bands of responses across axes."""
+    """A model with the servos known, `plain` without them; `section` of the vehicle's [band]."""
 
     spec: ModelSpec
     plain: Structure
-    axes: tuple[str, ...]
     section: str
-    across: float = 1.0
     inflow: Structure | None = None
 
 
 _MISFIT = 10.0  # misfit over noise; the JR700 has 1, with Pitt-Peters inflow 465
+_ACROSS = 2.0  # scale of the lower end of the bands of responses across axes
 
 _SWASH = blocks.second_order("swash", omega=200.0, zeta=0.7)
 
 _SPEEDS = structures.rollpitch_speeds.with_free("L_p", "M_q")
 
 _MODELS = (
-    _Model(YAW_BASE_SERVO, YAW_BASE.structure, ("ped",), "yaw_base"),
+    _Model(YAW_BASE_SERVO, YAW_BASE.structure, "yaw_base"),
     _Model(
         replace(ROLLPITCH_SERVO, band=ROLLPITCH_IN1.band),
         _SPEEDS,
-        ("lat", "lon"),
         "rollpitch_in1",
-        across=2.0,
-        inflow=in_series(
+        in_series(
             with_inflow(_SPEEDS, "rollpitch_speeds_inflow"),
             inputs={"lat": _SWASH, "lon": _SWASH},
         ),
     ),
-    _Model(HEAVE_SERVO, HEAVE.structure, ("col",), "heave"),
+    _Model(HEAVE_SERVO, HEAVE.structure, "heave"),
 )
 
 
@@ -172,8 +169,8 @@ def flown_vehicle(said: Mapping[str, Any]) -> Vehicle | None:
 
 
 def _chosen(axes: tuple[str, ...], flights: Flights) -> tuple[_Model, ...]:
-    chosen = tuple(model for model in _MODELS if set(model.axes) & set(axes))
-    needed = [axis for axis in AXES if any(axis in model.axes for model in chosen)]
+    chosen = tuple(model for model in _MODELS if set(model.spec.inputs) & set(axes))
+    needed = [axis for axis in AXES if any(axis in model.spec.inputs for model in chosen)]
     missing = [axis for axis in needed if not flights.get(axis)]
     if missing:
         raise InputError(
@@ -190,7 +187,7 @@ def _responses(
     low, high = model.spec.band
     if f"band.{model.section}_low" in own:
         low, high = (own[f"band.{model.section}_{edge}"] for edge in ("low", "high"))
-    flown = [record.provenance for axis in model.axes for record in flights[axis]]
+    flown = [record.provenance for axis in model.spec.inputs for record in flights[axis]]
     ends = [one["excitation"]["band"][1] for one in flown if one.get("excitation", {}).get("band")]
     high = min([high, *ends])
     lacking = [axis for axis in model.spec.sweeps if not flights.get(axis)]
@@ -204,7 +201,7 @@ def _responses(
     )
     bands = {
         f"{output}/{name}": (
-            low if output in (axis_of(name).rate, axis_of(name).angle) else model.across * low,
+            low if output in (axis_of(name).rate, axis_of(name).angle) else _ACROSS * low,
             high,
         )
         for output in spec.outputs
