@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import mujoco
@@ -83,14 +84,20 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
             flown = load(folder)
             figures = hover_figures(flown)
             loops = {axis: margins(flown, axis) for axis in LOOPS}
-            problems += _implausible(figures)
-            problems += _misplaced(flown, files)
-            problems += _stale(flown, files)
-            problems += _unwritten(folder)
-            problems += _restless(flown, loops)
+            problems += chain(  # each in turn, so that what was found stays if one raises
+                _implausible(figures),
+                _misplaced(flown, files),
+                _stale(flown, files),
+                _unwritten(folder),
+                _restless(flown, loops),
+            )
         except TrimError as error:
-            text = f"it does not hover: {error}; look at the mass in the MJCF and at the rotors"
-            problems.append(Problem(text, remedy=_solving("calibrate", folder)))
+            problems.append(
+                Problem(
+                    f"it does not hover: {error}; look at the mass in the MJCF and at the rotors",
+                    remedy=_solving("calibrate", folder),
+                )
+            )
         except HelisimError as error:
             problems.append(Problem(str(error)))
     found = (*problems, *doubts)
@@ -136,8 +143,11 @@ def _unreadable(
     for path in (folder / name for name in PARAMETER_FILES):
         solver = _MADE_BY.get(path.name)
         if not path.is_file() and solver:
-            text = f"there is no such file: {solver} the vehicle to make it"
-            yield Problem(text, path, _solving(solver, folder))
+            yield Problem(
+                f"there is no such file: {solver} the vehicle to make it",
+                path,
+                _solving(solver, folder),
+            )
             continue
         try:
             for fault in read_entries(path, entries):
@@ -151,17 +161,18 @@ def _doubtful(entries: Mapping[str, PhysicalParameter], files: Files) -> Iterato
     for name, entry in entries.items():
         known = term(name)
         if known is not None and not known.low <= entry.value <= known.high:
-            text = (
+            yield Problem(
                 f"{name} = {entry.value:g} {known.unit} is implausible: it is usually "
-                f"{known.low:g} to {known.high:g}. {known.meaning} {known.origin}"
+                f"{known.low:g} to {known.high:g}. {known.meaning} {known.origin}",
+                files[name],
             )
-            yield Problem(text, files[name])
     found = {name.split(".")[0]: path for name, path in files.items()}
     for section in (one for one in found if one not in sections()):
         meant = similar(section, sections())
         if meant:  # else it is its author's own
-            text = f"there is no section [{section}]; did you mean [{meant[0]}]?"
-            yield Problem(text, found[section])
+            yield Problem(
+                f"there is no section [{section}]; did you mean [{meant[0]}]?", found[section]
+            )
 
 
 def _implausible(figures: Mapping[str, float]) -> Iterator[Problem]:
@@ -194,8 +205,11 @@ def _misplaced(vehicle: Vehicle, files: Files) -> Iterator[Problem]:
         x, _, up = inside @ (site.xpos - data.xpos[root])
         for key, drawn in ((f"{section}.{along}", x), (f"{section}.{down}", -up)):
             if abs(own[key] - drawn) > _MISPLACED * radius:
-                text = f"{key} is {own[key]:g} m, and the site {site.name!r} of the MJCF is at "
-                yield Problem(f"{text}{drawn:.4g} m; make them one place", files.get(key))
+                yield Problem(
+                    f"{key} is {own[key]:g} m, and the site {site.name!r} of the MJCF is at "
+                    f"{drawn:.4g} m; make them one place",
+                    files.get(key),
+                )
 
 
 def _stale(vehicle: Vehicle, files: Files) -> Iterator[Problem]:
@@ -203,24 +217,31 @@ def _stale(vehicle: Vehicle, files: Files) -> Iterator[Problem]:
     for control, rotor in (("col", "main_rotor"), ("ped", "tail_rotor")):
         value = getattr(vehicle.trim, control)
         if abs(value) > _OFF_CENTRE:
-            text = f"the hover needs {control} = {value:.4g}, which calibration centres"
-            yield Problem(text, files.get(f"{rotor}.pitch_trim"), remedy)
+            yield Problem(
+                f"the hover needs {control} = {value:.4g}, which calibration centres",
+                files.get(f"{rotor}.pitch_trim"),
+                remedy,
+            )
     for name, wanted in targets_of(vehicle.folder, vehicle.parameters).items():
         found = vehicle.derivatives[name]
         if not math.isclose(wanted, found, rel_tol=_MISSED):
-            text = f"{name} is {found:.5g}, and [targets] wants {wanted:.5g}; calibrate anew"
-            yield Problem(text, files.get(f"targets.{name}"), remedy)
+            yield Problem(
+                f"{name} is {found:.5g}, and [targets] wants {wanted:.5g}; calibrate anew",
+                files.get(f"targets.{name}"),
+                remedy,
+            )
 
 
 def _unwritten(folder: Path) -> Iterator[Problem]:
     for change in unwritten(folder):
         element, names = change.element, ", ".join(change.attributes)
-        text = (
+        yield Problem(
             f"line {element.line}: the <{element.tag}> {element.name!r} has other numbers "
             f"({names}) than the parameters give, by which stock MuJoCo would fly it; write them "
-            "anew"
+            "anew",
+            element.file,
+            _solving("vehicle build", folder),
         )
-        yield Problem(text, element.file, _solving("vehicle build", folder))
 
 
 def _restless(vehicle: Vehicle, loops: Mapping[str, Margins]) -> Iterator[Problem]:
@@ -228,12 +249,16 @@ def _restless(vehicle: Vehicle, loops: Mapping[str, Margins]) -> Iterator[Proble
     file = vehicle.folder / "tuned.toml"
     growth = float(np.log(np.abs(np.linalg.eigvals(linear.a)).max()) / linear.period)
     if growth > _FASTEST_GROWTH:
-        text = f"with its gyro a motion grows by {growth:.3g} 1/s in the hover; tune the gains"
-        yield Problem(text, file, remedy)
+        yield Problem(
+            f"with its gyro a motion grows by {growth:.3g} 1/s in the hover; tune the gains",
+            file,
+            remedy,
+        )
     for axis, left in loops.items():
         if left.gain_db < _LEAST_GAIN or left.phase_deg < _LEAST_PHASE:
-            text = (
+            yield Problem(
                 f"the {axis} loop has margins of {left.gain_db:.1f} dB and {left.phase_deg:.0f} "
-                f"degrees, fewer than {_LEAST_GAIN:g} dB or {_LEAST_PHASE:g} degrees; tune it"
+                f"degrees, fewer than {_LEAST_GAIN:g} dB or {_LEAST_PHASE:g} degrees; tune it",
+                file,
+                remedy,
             )
-            yield Problem(text, file, remedy)
