@@ -16,8 +16,6 @@ from helisim.base.linear import LinearSystem
 from helisim.base.settings import setting
 from helisim.design.laws.attitude_kernel import (
     ATTITUDE,
-    BLOCK,
-    COEFFICIENTS,
     COL,
     COMPILED,
     FILTERED,
@@ -89,6 +87,7 @@ class HeaveAxis:
 
 
 _BLOCKS = {"lon": LON, "lat": LAT, "ped": PED}
+_MODEL = ATTITUDE._fields[ATTITUDE.model_aa : ATTITUDE.model_b + 1]
 
 
 @register
@@ -133,16 +132,13 @@ class AttitudeCommand(Law):
         settings[GENERAL.plate : LON] = as_it_is().numbers
         states = COL + 1
         for name, first in _BLOCKS.items():
-            axis, block = getattr(self, name), settings[first : first + BLOCK]
+            axis = getattr(self, name)
             moved, by = command_model(axis, period)
-            known = {k: one for k, one in vars(axis).items() if k in ATTITUDE._fields}
-            known |= {"state": states, "filters": len(axis.filters)}
-            for key, value in known.items():
-                block[getattr(ATTITUDE, key)] = value
-            block[ATTITUDE.model_aa : ATTITUDE.model_b + 1] = [*moved.ravel(), *by]
-            for k, one in enumerate(axis.filters):
-                place = ATTITUDE.first_filter + COEFFICIENTS * k
-                block[place : place + COEFFICIENTS] = one.coefficients(period)
+            known = {**vars(axis), "state": states, "filters": len(axis.filters)}
+            known |= zip(_MODEL, (*moved.ravel(), *by))
+            block = [known.get(key, 0.0) for key in ATTITUDE._fields[: ATTITUDE.first_filter]]
+            block += [number for one in axis.filters for number in one.coefficients(period)]
+            settings[first : first + len(block)] = block
             states += FILTERED + len(axis.filters)
         if not np.all(np.isfinite(settings)):
             raise InputError(f"a number of the law is out of all proportion at {period:g} s")
