@@ -192,9 +192,9 @@ def command_scale(mixer: Mixer, outputs: Outputs, plate: Swashplate, hover: floa
         *swash, tail = outputs.servos(pulses, (0.0, 0.0, 0.0, 0.0))
         return np.array((*map(float, plate.unmix(*swash)), tail))
 
-    columns = []
-    for name in IN1:
+    def slope(name: str) -> Array:
         at = hover if name == "col" else 0.0
-        ends = [moved({"col": hover, name: at + step}) for step in (_STEP, -_STEP)]
-        columns.append((ends[0] - ends[1]) / (2.0 * _STEP))
-    return np.array(columns).T
+        above, below = (moved({"col": hover, name: at + step}) for step in (_STEP, -_STEP))
+        return (above - below) / (2.0 * _STEP)
+
+    return np.array([slope(name) for name in IN1]).T

@@ -271,10 +271,11 @@ class Pilot:
         yield from self.mode("guided")
         yield from self.command("MAV_CMD_NAV_TAKEOFF", *[0.0] * 6, height)
 
-        def here() -> bool:
-            return abs(self.height - height) < 0.3 and self.speed < 0.3
-
-        yield from self.until(here, f"{height:g} m above the ground", 20.0 + 2.0 * height)
+        yield from self.until(
+            lambda: abs(self.height - height) < 0.3 and self.speed < 0.3,
+            f"{height:g} m above the ground",
+            20.0 + 2.0 * height,
+        )
 
     def go_to(self, north: float, east: float, height: float) -> Steps:
         """Fly to a place, m from the start, nose north, and stay there."""
@@ -288,16 +289,19 @@ class Pilot:
         self.telemetry.send.set_position_target_local_ned_send(
             *(0, *_VEHICLE, 1, ignored, place[0], place[1], -height, *[0.0] * 8)
         )
-        what = f"{north:g} m north, {east:g} m east, {height:g} m high"
-        time = 30.0 + 2.0 * far()
-        yield from self.until(lambda: far() < _WITHIN and self.speed < 0.3, what, time)
+        yield from self.until(
+            lambda: far() < _WITHIN and self.speed < 0.3,
+            f"{north:g} m north, {east:g} m east, {height:g} m high",
+            30.0 + 2.0 * far(),
+        )
 
     def land(self) -> Steps:
         """Land where it is, stop the rotor, and disarm."""
         self.say("landing")
         yield from self.mode("land")
-        time = 60.0 + 4.0 * self.height
-        yield from self.until(lambda: self.aircraft.stands and self.speed < 0.05, "landed", time)
+        yield from self.until(
+            lambda: self.aircraft.stands and self.speed < 0.05, "landed", 60.0 + 4.0 * self.height
+        )
         self.sticks.throttle = 0.0
         yield from self.wait(3.0)
         self.say("rotor off")
@@ -308,8 +312,9 @@ class Pilot:
             yield from self.until(lambda: not self.telemetry.armed, "disarmed", 10.0)
         yield from self.set(LOG_DISARMED=0)
         still = _STILL if self.aircraft.weather.dryden is None else _WINDMILLS
-        stands = "the rotor stands still"
-        yield from self.until(lambda: self.aircraft.rotor_speed < still, stands, 120.0)
+        yield from self.until(
+            lambda: self.aircraft.rotor_speed < still, "the rotor stands still", 120.0
+        )
 
 
 _LEARNS = 5.0  # s over which the steady flight is averaged

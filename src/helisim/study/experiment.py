@@ -88,8 +88,13 @@ def reproduce(
     Raises InputError, StorageError, or DivergedError where a flight left the model's validity.
     """
     flown = flown_each_axis(flights)
-    arguments = {"flights": flights, "seed": seed, "parameters": dict(parameters or {})}
-    arguments |= {"timestep": timestep, "rotor": rotor}
+    arguments = {
+        "flights": flights,
+        "seed": seed,
+        "parameters": dict(parameters or {}),
+        "timestep": timestep,
+        "rotor": rotor,
+    }
     thread_count(jobs)  # refused before anything is made
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     if out is not None:
@@ -112,15 +117,16 @@ def reproduce(
             vehicle, model, fit, recorder, judge_paper=not parameters, ground=ground
         )
         unseen = {axis: doublets[axis] for axis in model.verified_by}
-        found = IdentifiedModel(
-            model.name,
-            fit,
-            exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
-            note=model.note,
-            verification=ident.verify(fit, list(unseen.values())) if unseen else None,
-            verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+        models.append(
+            IdentifiedModel(
+                model.name,
+                fit,
+                exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
+                note=model.note,
+                verification=ident.verify(fit, list(unseen.values())) if unseen else None,
+                verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+            )
         )
-        models.append(found)
         on_progress(model.name)
     identified = {name: table.identified for name, table in tables.items()}
     yaw = (identified[name] for name in ("yaw_base", "yaw_gyro", "yaw_overall"))

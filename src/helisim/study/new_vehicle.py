@@ -127,9 +127,8 @@ def _texts(source: Path, name: str) -> dict[str, str]:
             entries[key] = PhysicalParameter(key, value, known.unit, _origin(key, like))
     given = {key: entries[key] for key in sorted(entries, key=_rank)}
     header = _header("parameters").format(name=name, like=like)
-    text = to_toml(Parameters(given), header, comment=_comment)
     return {
-        "parameters.toml": text,
+        "parameters.toml": to_toml(Parameters(given), header, comment=_comment),
         "calibrated.toml": to_toml(Parameters(calibrated), _header("calibrated").format(like=like)),
         "tuned.toml": to_toml(Parameters(tuned), _header("tuned").format(like=like)),
         "README.md": _header("readme").format(name=name, like=like, mjcf=mjcf_name),

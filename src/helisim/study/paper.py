@@ -61,11 +61,6 @@ class ReferenceTable:
         """Return the value of that name, or None."""
         return next((value for value in self.values if value.name == name), None)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Parameter names in the order of the paper."""
-        return tuple(value.name for value in self.values)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Published:

@@ -58,8 +58,10 @@ def true_values(
     true |= {f"A_{way}": true[f"Q_{way}"] * true["tau_f"] for way in "uv"}
     if "L_p" in model.structure.names:  # what opposes roll and pitch beside the tilted rotor
         for name, rate in (("L_p", "p"), ("M_q", "q")):
-            each = [(share, there.linearize("IN1").derivative(rate, rate)) for share, there in air]
-            true[name] = sum((share * damping for share, damping in each), 0.0)
+            dampings = (
+                share * there.linearize("IN1").derivative(rate, rate) for share, there in air
+            )
+            true[name] = sum(dampings, 0.0)
     return true
 
 

@@ -203,16 +203,16 @@ def probed(
     """
     from helisim.physics.gyro import Seen  # reading a file needs no simulator
 
-    columns = []
-    for k in range(states + len(inputs)):
-        state, seen = np.zeros(states), Seen(*np.zeros(len(Seen._fields)).tolist())
-        if k < states:
-            state[k] = _SMALL
-        else:
-            seen = seen._replace(**{inputs[k - states]: _SMALL})
-        commands = law(seen, state, settings)
-        columns.append(np.array([*state, *commands]) / _SMALL)
-    whole = np.column_stack(columns)
+    still = Seen(*np.zeros(len(Seen._fields)).tolist())
+
+    def ticked(before: NDArray[np.float64]) -> NDArray[np.float64]:
+        state = before[:states].copy()
+        seen = still._replace(**dict(zip(inputs, before[states:].tolist())))
+        commands = law(seen, state, settings)  # which moves the state on
+        return np.array([*state, *commands])
+
+    small = _SMALL * np.eye(states + len(inputs))
+    whole = np.column_stack([ticked(one) / _SMALL for one in small])
     kept, before = list(range(states)), None
     while kept != before:
         before, others = kept, [*kept, *range(states, whole.shape[1])]
