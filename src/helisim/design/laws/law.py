@@ -1,7 +1,7 @@
 """Control laws as plain data: read, written, tuned, linearised and flown."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from functools import partial
 from os import PathLike
@@ -103,32 +103,30 @@ class Law(ABC):
 
     def parameters(self) -> dict[str, float]:
         """Return the numbers that are tuned, by name, such as "lat.k_rate"."""
-        tuned: dict[str, float] = {}
-
-        def add(before: str, values: Mapping[str, Any]) -> None:
-            for name, value in values.items():
-                if is_dataclass(value):
-                    add(f"{before}{name}.", vars(value))
-                elif name == "filters":
-                    add(before, {f"filter_{k}": one for k, one in enumerate(value, start=1)})
-                elif type(value) in (int, float) and name not in self.not_tuned:
-                    tuned[before + name] = float(value)
-
-        add("", vars(self))
-        return tuned
+        return {name: float(table[key]) for name, table, key in self._tuned(to_plain(self))}
 
     def replace(self, changes: Mapping[str, float]) -> Self:
         """Return a copy with some `parameters` changed. Raises UnknownNameError, InputError."""
-        known, content = self.parameters(), self.to_dict()
-        check_known("parameter of the law", changes, known)
+        content = to_plain(self)
+        places = {name: (table, key) for name, table, key in self._tuned(content)}
+        check_known("parameter of the law", changes, places)
         for name, value in changes.items():
-            *path, key = name.split(".")
-            table = content
-            for part in path:
-                number = part.removeprefix("filter_")
-                table = table[part] if number == part else table["filters"][int(number) - 1]
+            table, key = places[name]
             table[key] = float(value)
-        return type(self).from_dict({k: one for k, one in content.items() if k not in _HEAD})
+        return type(self).from_dict(content)
+
+    def _tuned(
+        self, table: dict[str, Any], before: str = ""
+    ) -> Iterator[tuple[str, dict[str, Any], str]]:
+        """Yield the name of each number that is tuned, and its table and key in plain data."""
+        for key, value in table.items():
+            if key == "filters":
+                for k, one in enumerate(value, start=1):
+                    yield from self._tuned(one, f"{before}filter_{k}.")
+            elif isinstance(value, dict) and key != "provenance":
+                yield from self._tuned(value, f"{before}{key}.")
+            elif type(value) in (int, float) and key not in self.not_tuned:
+                yield before + key, table, key
 
 
 _HEAD = ("kind", "version")
