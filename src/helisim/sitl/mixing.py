@@ -151,14 +151,15 @@ class Mixer:
 
     def _channel(self, motor: int) -> int:
         wanted = _FIRST_FUNCTION + motor - 1
-        said = {k: self._given.get(f"SERVO{k}_FUNCTION") for k in range(1, _CHANNELS + 1)}
-        channels = [k for k, function in said.items() if function == wanted]
-        if not channels and said[motor] is not None:
+        said = [self._given.get(f"SERVO{k}_FUNCTION") for k in range(1, _CHANNELS + 1)]
+        if wanted in said:
+            return said.index(wanted) + 1
+        if said[motor - 1] is not None:
             raise InputError(
                 f"no output has SERVOn_FUNCTION {wanted}, of ArduPilot's Motor{motor}: a "
                 "helicopter's swashplate has 33, 34 and 35, its tail 36"
             )
-        return (*channels, motor)[0]
+        return motor
 
     def exact(self, commands: Mapping[str, float]) -> dict[int, float]:
         """Return the pulse of each channel, us, not yet whole, for "col", "lon", "lat", "ped"."""

@@ -141,8 +141,12 @@ def script_of(name: str) -> Script:
     if name == hover.__name__:
         return hover
     if not name.endswith(".py"):
-        advice = "or a file of your own, whose name ends in .py"
-        raise UnknownNameError("script", name, [hover.__name__, SYSID], advice=advice)
+        raise UnknownNameError(
+            "script",
+            name,
+            [hover.__name__, SYSID],
+            advice="or a file of your own, whose name ends in .py",
+        )
     path = Path(name)
     if not path.is_file():
         raise InputError(f"{path}: no such file")

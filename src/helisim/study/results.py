@@ -10,7 +10,16 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError, StorageError, item_of
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
-from helisim.base.settings import Value, check, from_plain, placed, setting, setting_names, to_plain
+from helisim.base.settings import (
+    Value,
+    check,
+    convert,
+    from_plain,
+    placed,
+    setting,
+    setting_names,
+    to_plain,
+)
 from helisim.ident.verification import VerificationFigures
 from helisim.records.record import AXES, FlightRecord, made_by
 from helisim.records.storage import read_record
@@ -198,9 +207,7 @@ def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
     data = read_json(path)
     if data.get("format") != _FORMAT:
         raise InputError(f"{path}: its format is {data.get('format')!r:.60}, expected {_FORMAT!r}")
-    models = data.get("models")
-    if not isinstance(models, list):
-        raise InputError(f"{path}: models must be a list, got {models!r:.60}")
+    models = convert(list, data.get("models"), f"{path}: models")
     with placed(f"{path}: can't read a model"):
         return tuple(IdentifiedModel.from_dict(one, f"models[{k}]") for k, one in enumerate(models))
 
