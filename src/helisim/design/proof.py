@@ -152,12 +152,15 @@ def fly_events(
     vehicle: Vehicle, plan: ProofPlan, loop: ClosedLoop, on_flight: OnFlight = None
 ) -> dict[str, FlightRecord]:
     """Fly a step of each stick, as "step_lat", and the "gust", in still air, or DivergedError."""
-    base, times = _base(plan), {"trim_time": _STEP_BEFORE, "duration": _STEP_BEFORE + _STEP_LASTS}
-    steps = {
-        f"step_{axis}": StickStep(axis=axis, amplitude=step_size(loop, axis), **times)
-        for axis in AXES
-    }
-    flights = {name: replace(base, excitation=step) for name, step in steps.items()}
+    base, flights = _base(plan), dict[str, FlightPlan]()
+    for axis in AXES:
+        step = StickStep(
+            axis=axis,
+            amplitude=step_size(loop, axis),
+            trim_time=_STEP_BEFORE,
+            duration=_STEP_BEFORE + _STEP_LASTS,
+        )
+        flights[f"step_{axis}"] = replace(base, excitation=step)
     computer = replace(plan.recorder or Recorder.of(vehicle), rotor=True)  # with what is true
     flights["gust"] = replace(base, weather=Weather(gust=GUST), recorder=computer)
     return {name: _flown(vehicle, name, one, on_flight)[0] for name, one in flights.items()}

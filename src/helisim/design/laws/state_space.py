@@ -124,7 +124,7 @@ Layout = namedtuple("Layout", "states inputs a b c d windup start trim limit pla
 """Addresses in the settings: counts, where matrices begin, trim, limits, plate, inputs."""
 known(Layout)
 
-LAYOUT = Layout(*range(8), 8, 12, 16, 16 + PLATE_NUMBERS)
+LAYOUT = Layout(0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 16 + PLATE_NUMBERS)
 _HEADING = 6  # place of psi in `Seen`
 
 
