@@ -367,10 +367,13 @@ def test_what_cannot_be_is_said(measured):
     with pytest.raises(IdentificationError, match="nothing was injected"):
         hs.margins(still)
     for wrong, words in (
-        ({"late": {"lat": np.inf}}, "late by inf"),
-        ({"late": {"lat": -10.0}}, "expected less than 10 s"),
-        ({"draws": 1}, "draws is 1, expected 2 to 20000"),
-        ({"draws": 20_001}, "draws is 20001"),
+        (
+            {"late": {"lat": np.inf}},
+            r"late\.lat must be a finite number above -10 and below 10 s, got inf",
+        ),
+        ({"late": {"lat": -10.0}}, "below 10 s, got -10"),
+        ({"draws": 1}, "draws must be an integer 2 or more and at most 20000, got 1"),
+        ({"draws": 20_001}, "got 20001"),
     ):
         with pytest.raises(InputError, match=words):
             hs.margins(record, **wrong)

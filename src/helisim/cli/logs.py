@@ -229,7 +229,7 @@ def frf(o: Options) -> int:
       helisim frf lat.csv --map heli.toml --inputs lat --outputs p,q \\
           --conditioning lon --csv p.csv
     """
-    from helisim.ident.response import response_data, save_response
+    from helisim.ident.response import response_data
     from helisim.show.table import as_text
     from helisim.show.tables import usable_bands
 
@@ -240,7 +240,7 @@ def frf(o: Options) -> int:
     print("\n".join((as_text(usable_bands(frf)), *frf.flags)))
     write_data(o, {**response_data(frf), "logs": reports(logs)})
     if o.csv is not None:
-        save_response(frf, o.csv)
+        frf.save(o.csv)
     print_written(o, o.csv)
     return 0
 

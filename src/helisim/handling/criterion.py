@@ -7,8 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from helisim.base.display import shower
-from helisim.base.errors import InputError
-from helisim.base.settings import FrozenMap, check, setting
+from helisim.base.settings import FrozenMap, Limits, check, convert, setting
 from helisim.handling.limit import Level, Limit
 from helisim.handling.loop import Loop, axis_of
 
@@ -26,9 +25,7 @@ def froude_scale(diameter: float) -> float:
     Source: Ivler and Geyer, "Outer Loop Requirements for Vertical Lift Unmanned Aerial System
     Automated Flying Qualities", VFS 80th Annual Forum, 2024. Raises InputError unless above 0.
     """
-    if not (math.isfinite(diameter) and diameter > 0.0):
-        raise InputError(f"a rotor's diameter must be above 0 m, got {diameter!r}")
-    return UH60_ROTOR / diameter
+    return UH60_ROTOR / convert(float, diameter, "a rotor's diameter", Limits("m", above=0.0))
 
 
 @dataclass(frozen=True)

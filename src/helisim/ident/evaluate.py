@@ -12,10 +12,9 @@ from scipy.linalg import expm
 from helisim.base.errors import IdentificationError
 from helisim.base.linear import LinearSystem
 from helisim.ident.expression import Dependence, Program, value_at
-from helisim.ident.structure import Structure
+from helisim.ident.structure import DELAYS, Structure
 
 SINGULAR = 1e12  # condition of M that counts as singular
-_BLOCK = 64  # samples a block in simulations
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -126,24 +125,14 @@ class Sample:
         self, entry: Dependence, left: Complex, delayed: Complex, late: Complex
     ) -> Complex:
         """Return the derivative by a matrix entry, (n_point,), including delay and scale."""
-        where, right = self._where, self._right
-        _, matrix, row, column, _ = entry
-        match matrix:
-            case "F":
-                return left[row] * right[column]
-            case "M":
-                return left[row] * right[column] * -where.s
-            case "G":
-                return left[row] * where.is_input[column]
-            case "H0":
-                return right[column] * where.is_output[row] * delayed
-            case "H1":
-                return right[column] * where.is_output[row] * delayed * where.s
-            case "input_delays":
-                return late * where.is_input[column]
-            case "output_delays":
-                return late * where.is_output[row]
-        return where.is_input[column] * where.is_output[row] * delayed
+        where, (_, matrix, row, column, _) = self._where, entry
+        if matrix in DELAYS:
+            of_input = matrix == "input_delays"
+            return late * (where.is_input[column] if of_input else where.is_output[row])
+        cause = self._right[column] if matrix in ("M", "F", "H0", "H1") else where.is_input[column]
+        of_state = matrix in ("M", "F", "G")
+        change = left[row] * cause if of_state else cause * where.is_output[row] * delayed
+        return change * {"M": -where.s, "H1": where.s}.get(matrix, 1.0)
 
 
 def simulate(model: LinearSystem, inputs: Real, step: float, start: Real | None = None) -> Real:
@@ -200,22 +189,8 @@ def _discretise(model: LinearSystem, step: float) -> tuple[Real, Real, Real]:
 
 def _propagate(transition: Real, driven: Real, start: Real) -> Real:
     """Return x_0 .. x_(N-1) of x_(k+1) = A x_k + driven_k, (n_time, n_state)."""
-    samples, n = driven.shape
-    if n == 0:
-        return driven
-    blocks = -(-samples // _BLOCK)
-    padded = np.zeros((blocks * _BLOCK, n))
-    padded[:samples] = driven
-    padded = padded.reshape(blocks, _BLOCK, n)
-    local = np.zeros((blocks, _BLOCK + 1, n))
-    powers = np.zeros((_BLOCK + 1, n, n))
-    powers[0] = np.eye(n)
-    for k in range(_BLOCK):
-        local[:, k + 1] = local[:, k] @ transition.T + padded[:, k]
-        powers[k + 1] = transition @ powers[k]
-    edge, state = np.zeros((blocks, n)), start
-    for block in range(blocks):
-        edge[block] = state
-        state = powers[_BLOCK] @ state + local[block, _BLOCK]
-    free = np.einsum("kij,bj->bki", powers[:_BLOCK], edge)
-    return (local[:, :_BLOCK] + free).reshape(-1, n)[:samples]
+    states, state = np.empty_like(driven), start
+    for k, pushed in enumerate(driven):
+        states[k] = state
+        state = transition @ state + pushed
+    return states

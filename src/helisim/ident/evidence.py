@@ -295,13 +295,9 @@ def _nonlinear(
 
 def _power(lines: Lines, places: list[int], frequency: Real) -> Real:
     """Return the mean power of signals in each band, (n_freq, n_signal)."""
-    first, count = lines.within(frequency * (1.0 - _HALF), frequency * (1.0 + _HALF))
-    squares = np.abs(lines.values[:, :, places]) ** 2
-    total = [
-        sum(squares[k, a : a + n].sum(axis=0) for k, (a, n) in enumerate(zip(start, size)))
-        for start, size in zip(first, count)
-    ]
-    return np.array(total) / np.maximum(count.sum(axis=1), 1)[:, None]
+    edges = frequency * (1.0 - _HALF), frequency * (1.0 + _HALF)
+    summed, count = lines.summed(np.abs(lines.values[:, :, places]) ** 2, *edges)
+    return np.sum(summed, axis=1) / np.maximum(count.sum(axis=1), 1)[:, None]
 
 
 def _with_cubes(
@@ -331,23 +327,27 @@ def _with_cubes(
 
 def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
     """Return the outputs that the response makes of the inputs, in its band, (n_time, n_out)."""
-    omega = 2.0 * np.pi * fft.rfftfreq(len(one), one.sample_time)
-    inside = (omega >= frf.frequency[0]) & (omega <= frf.frequency[-1])
-    driven = fft.rfft(one.select(frf.inputs) - one.select(frf.inputs).mean(axis=0), axis=0)
-    lines = np.zeros((omega.size, len(frf.outputs)), dtype=np.complex128)
-    for o in range(len(frf.outputs)):
-        for i in range(len(frf.inputs)):
-            gain = np.interp(omega[inside], frf.frequency, frf.response[o, i])
-            lines[inside, o] += gain * driven[inside, i]
-    return np.asarray(fft.irfft(lines, n=len(one), axis=0))
+    return _filtered(one, frf.inputs, frf, frf.response)
 
 
 def _in_band(one: FlightRecord, names: Sequence[str], frf: FrequencyResponse) -> Real:
     """Return signals' part in the response's band, (n_time, n_name)."""
+    same = np.eye(len(names))[:, :, None] * np.ones(frf.frequency.size)
+    return _filtered(one, names, frf, same)
+
+
+def _filtered(
+    one: FlightRecord, names: Sequence[str], frf: FrequencyResponse, response: Complex | Real
+) -> Real:
+    """Return what a response, (n, n_name, n_freq), makes of signals in its band, (n_time, n)."""
     omega = 2.0 * np.pi * fft.rfftfreq(len(one), one.sample_time)
     inside = (omega >= frf.frequency[0]) & (omega <= frf.frequency[-1])
-    lines = fft.rfft(one.select(names), axis=0)
-    return np.asarray(fft.irfft(np.where(inside[:, None], lines, 0.0), n=len(one), axis=0))
+    driven = fft.rfft(one.select(names), axis=0)
+    lines = np.zeros((omega.size, len(response)), dtype=np.complex128)
+    for o, i in np.ndindex(response.shape[:2]):
+        gain = np.interp(omega[inside], frf.frequency, response[o, i])
+        lines[inside, o] += gain * driven[inside, i]
+    return np.asarray(fft.irfft(lines, n=len(one), axis=0))
 
 
 def _halves(

@@ -4,7 +4,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,28 +44,14 @@ class Expression:
             ) from None
         walked = (node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name))
         self.names = frozenset(walked) - FUNCTIONS.keys()
-        _ = self._own  # refuses what isn't allowed
+        self.compiled(dict.fromkeys(self.names, 0), {})  # refuses what isn't allowed
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
 
-    def evaluate(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
-        """Return the value and its derivatives by name, or nan."""
-        order, (value, slopes) = self._own
-        at = [values[name] for name in order]
-        found = value_at(value, at)
-        if math.isnan(found):
-            return found, dict.fromkeys(order, math.nan)
-        return found, {order[k]: value_at(slope, at) for k, slope in slopes.items()}
-
     def compiled(self, places: Mapping[str, int], constants: Mapping[str, float]) -> Dual:
         """Return value and derivatives as functions of a list with parameters at `places`."""
         return self._compiled(self.tree, places, constants)
-
-    @cached_property
-    def _own(self) -> tuple[list[str], Dual]:
-        order = sorted(self.names)
-        return order, self.compiled({name: k for k, name in enumerate(order)}, {})
 
     def _compiled(
         self, node: ast.expr, places: Mapping[str, int], constants: Mapping[str, float]

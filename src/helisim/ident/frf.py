@@ -78,7 +78,7 @@ def frequency_response(
     Raises InputError for arguments; IdentificationError if records are too short, an input is
     constant, inputs moved as one, or a flight was terminated early.
     """
-    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    flights = flights_of(records)
     wanted, measured, others, references = (
         (names,) if isinstance(names, str) else tuple(names or ())
         for names in (inputs, outputs, conditioning, reference)
@@ -197,6 +197,18 @@ def _coherent(
                 yield f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}"
 
 
+def flights_of(records: FlightRecord | Iterable[FlightRecord]) -> tuple[FlightRecord, ...]:
+    """Return one record, or several, as a tuple. Raises InputError for none, or for another."""
+    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    for position, flight in enumerate(flights):
+        if not isinstance(flight, FlightRecord):
+            kind = type(flight).__name__
+            raise InputError(f"record {position} is a {kind}, expected a FlightRecord")
+    if not flights:
+        raise InputError("no records were given; expected at least one FlightRecord")
+    return flights
+
+
 def check_records(
     flights: Sequence[FlightRecord],
     inputs: Sequence[str],
@@ -224,12 +236,6 @@ def _check_names(
     others: Sequence[str],
     reference: Sequence[str],
 ) -> None:
-    if not flights:
-        raise InputError("no records were given; expected at least one FlightRecord")
-    for position, flight in enumerate(flights):
-        if not isinstance(flight, FlightRecord):
-            kind = type(flight).__name__
-            raise InputError(f"record {position} is a {kind}, expected a FlightRecord")
     if not inputs or not outputs:
         raise InputError("expected at least one input and one output")
     names = (*inputs, *others, *outputs)

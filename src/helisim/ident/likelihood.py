@@ -29,7 +29,14 @@ from helisim.ident.diagnosis import delay_names, misfit
 from helisim.ident.evaluate import Complex, Sensitivity, response
 from helisim.ident.evidence import evidence
 from helisim.ident.fit import fitted_parameters
-from helisim.ident.frf import POINTS_PER_DECADE, check_records, faults, flight_span, record_digest
+from helisim.ident.frf import (
+    POINTS_PER_DECADE,
+    check_records,
+    faults,
+    flight_span,
+    flights_of,
+    record_digest,
+)
 from helisim.ident.rational import delay_grid
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
@@ -87,7 +94,7 @@ def identify_records(
     Raises InputError for arguments; IdentificationError if records have too few lines, an input
     is constant, a flight was terminated early, or the fit grows beyond what a record can show.
     """
-    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    flights = flights_of(records)
     for name, count, low in (("searches", searches, 1), ("seed", seed, 0)):
         convert(int, count, name, Limits(low=low))
     check_records(flights, structure.inputs, structure.outputs, band=band, use_ended=use_ended)

@@ -136,13 +136,9 @@ def _power(lines: Lines, places: list[int], frequency: Real) -> Complex:
     spread = 0.5 * _POWER_LINES / np.sum(1.0 / lines.spacing)
     low = np.maximum(frequency - np.maximum(_POWER_WIDTH * frequency, spread), 0.0)
     high = frequency + np.maximum(_POWER_WIDTH * frequency, 2.0 * spread - (frequency - low))
-    first, count = lines.within(low, high)
     values = lines.values[:, :, places]
-    product = np.einsum("ela,elb->elab", values, values.conj())
-    total = np.concatenate([np.zeros_like(product[:, :1]), np.cumsum(product, axis=1)], axis=1)
-    flight = np.arange(lines.spacing.size)
-    summed = np.sum(total[flight, first + count] - total[flight, first], axis=1)
-    return summed / np.maximum(np.sum(count, axis=1), 1)[:, None, None]
+    summed, count = lines.summed(np.einsum("ela,elb->elab", values, values.conj()), low, high)
+    return np.sum(summed, axis=1) / np.maximum(np.sum(count, axis=1), 1)[:, None, None]
 
 
 def _coherence(task: "Task", bands: "Bands", response: Complex, noise: Real) -> tuple[Real, Real]:

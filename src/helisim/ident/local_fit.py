@@ -7,6 +7,7 @@ w0)/p. Lines are weighted by Epanechnikov's kernel.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,18 @@ class Lines:
         last = np.floor(high[:, None] / self.spacing + 1e-9).astype(np.intp)
         first = np.maximum(first, 1)
         return first, np.maximum(np.minimum(last, self.count - 1) - first + 1, 0)
+
+    def summed(
+        self, values: NDArray, low: Real, high: Real
+    ) -> tuple[NDArray[Any], NDArray[np.intp]]:
+        """Return sums of values, (n_flight, n_line, ...), over the lines from `low` to `high`.
+
+        They are (n_freq, n_flight, ...), with their lines' numbers, (n_freq, n_flight).
+        """
+        first, count = self.within(low, high)
+        total = np.concatenate([np.zeros_like(values[:, :1]), np.cumsum(values, axis=1)], axis=1)
+        flight = np.arange(self.spacing.size)
+        return total[flight, first + count] - total[flight, first], count
 
 
 def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest: float) -> Lines:

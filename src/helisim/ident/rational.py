@@ -27,12 +27,11 @@ _POINTS = 3  # least frequencies a coefficient
 
 
 class Rationals(NamedTuple):
-    """Rational fits from several delays, (n_delay,) s each, with relative rms `errors`.
+    """Rational fits from several delays, with their `delays`, (n_delay,) s, and rms `errors`.
 
     Coefficients are (n_delay, n_order + 1), from s^0 up.
     """
 
-    begun: Real
     delays: Real
     numerators: Real
     denominators: Real
@@ -77,7 +76,6 @@ def rational_fits(
         powers, measured, root, top, bottom, unit * delays, sought
     )
     return Rationals(
-        begun=delays,
         delays=ended / unit,
         numerators=top * scale[: zeros + 1],
         denominators=bottom * scale[: poles + 1],

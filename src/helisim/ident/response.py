@@ -177,7 +177,26 @@ class FrequencyResponse(Value, Displayed):
 
     def save(self, path: "str | PathLike[str]") -> None:
         """Write the response as JSON or CSV, without its error model. Raises StorageError."""
-        save_response(self, path)
+        data = response_data(self)
+        if check_suffix(Path(path), (".json", ".csv")) == ".json":
+            return write_json(data, path)
+        columns = {"frequency [rad/s]": self.frequency}
+        for name in self.pairs:
+            o, i = self.index(*name.split("/", 1))
+            columns |= {
+                f"{name} magnitude [dB]": decibel(np.abs(self.response[o, i])),
+                f"{name} phase [deg]": np.degrees(np.unwrap(np.angle(self.response[o, i]))),
+                f"{name} coherence [1]": self.coherence[o, i],
+                f"{name} random error [1]": self.random_error[o, i],
+            }
+        with (
+            atomic_write(path) as temporary,
+            temporary.open("w", encoding="utf-8", newline="") as file,
+        ):
+            file.write(f"# provenance: {json.dumps(data['provenance'], sort_keys=True)}\n")
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(np.column_stack(list(columns.values())).tolist())
 
 
 _STORED = tuple(one.name for one in fields(FrequencyResponse) if one.compare)  # fields in files
@@ -188,24 +207,3 @@ def response_data(frf: FrequencyResponse) -> dict[str, Any]:
     units = {"input_units": list(frf.input_units), "output_units": list(frf.output_units)}
     provenance = made_by("frequency response", **frf.provenance, **units)
     return {"format": FORMAT, "response": frf.to_dict(), "provenance": provenance}
-
-
-def save_response(frf: FrequencyResponse, path: str | PathLike[str]) -> None:
-    """Write a response as JSON or CSV. Raises StorageError."""
-    data = response_data(frf)
-    if check_suffix(Path(path), (".json", ".csv")) == ".json":
-        return write_json(data, path)
-    columns = {"frequency [rad/s]": frf.frequency}
-    for name in frf.pairs:
-        o, i = frf.index(*name.split("/", 1))
-        columns |= {
-            f"{name} magnitude [dB]": decibel(np.abs(frf.response[o, i])),
-            f"{name} phase [deg]": np.degrees(np.unwrap(np.angle(frf.response[o, i]))),
-            f"{name} coherence [1]": frf.coherence[o, i],
-            f"{name} random error [1]": frf.random_error[o, i],
-        }
-    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# provenance: {json.dumps(data['provenance'], sort_keys=True)}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(np.column_stack(list(columns.values())).tolist())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, OptimizeResult, least_squares
 
 from helisim.ident.cost import Cost
+from helisim.ident.expression import value_at
 from helisim.ident.rational import STEP, delay_grid, rational_fits
 from helisim.ident.structure import DELAYS, Structure
 from helisim.ident.transfer import Rational, rational_form
@@ -214,7 +215,7 @@ def _rational_starts(cost: Cost, form: Rational) -> list[Start]:
         found = (*fits.numerators[k].tolist(), *fits.denominators[k, :-1].tolist())
         values = {**dict(zip(form.names, found)), form.delay: end[1]}
         x = np.clip(np.array([values[name] for name in cost.names]), *cost.limits)
-        begun = np.zeros(0) if fixed else fits.begun[k : k + 1]
+        begun = np.zeros(0) if fixed else grid[k : k + 1]
         known = any(
             np.isclose(end[0], error, rtol=1e-3) and abs(end[1] - delay) <= 0.1 * resolution
             for error, delay in ends
@@ -253,20 +254,18 @@ def linear_parameters(structure: Structure) -> NDArray[np.intp]:
 def _upstream(structure: Structure) -> set[int]:
     size = len(structure.states)
     reaches = np.eye(size, dtype=np.bool_)
+    driven = np.zeros(size, dtype=np.bool_)
     free = {parameter.name for parameter in structure.free}
-    driven: set[int] = set()
     for entry in structure.entries:
         if entry.matrix in ("F", "M"):
             reaches[entry.row, entry.column] = True
         elif entry.matrix == "G" and not entry.expression.names.isdisjoint(free):
-            driven.add(entry.row)
+            driven[entry.row] = True
     for k in range(size):
         reaches |= np.outer(reaches[:, k], reaches[k])
-    found: set[int] = set()
-    for state in range(size):
-        behind = set(np.flatnonzero(reaches[state]).tolist())
-        if driven.isdisjoint(behind) and all(reaches[other, state] for other in behind):
-            found |= behind
+    # nothing free drives what moves these states, and they move that in turn
+    apart = ~(reaches @ driven) & np.all(reaches <= reaches.T, axis=1)
+    found = set(np.flatnonzero(np.any(reaches[apart], axis=0)).tolist())
     return found if len(found) < size else set()
 
 
@@ -284,15 +283,15 @@ class Delays:
 
     def __init__(self, cost: Cost) -> None:
         structure, points = cost.structure, cost.points
-        known = {**structure.constants, **structure.starts}
+        program, everything = structure.program, slice(None)
+        starts = program.ordered(structure.starts).tolist()
         slope = np.zeros((len(cost.names), len(structure.outputs), len(structure.inputs)))
-        everything = slice(None)
-        for matrix, row, column, expression in structure.entries:
-            place = (everything, column) if matrix == "input_delays" else (row, everything)
-            slopes = expression.evaluate(known)[1] if matrix in DELAYS else {}
-            for name, derivative in slopes.items():
-                if name in cost.names:
-                    slope[cost.names.index(name), *place] += derivative
+        for one in program.dependences:
+            name = program.names[one.place]
+            if one.matrix in DELAYS and name in cost.names:
+                late = one.matrix == "input_delays"
+                place = (everything, one.column) if late else (one.row, everything)
+                slope[cost.names.index(name), *place] += value_at(one.slope, starts)
         self._cost = cost
         self.index = np.flatnonzero(np.any(slope != 0.0, axis=(1, 2)))
         limits = cost.limits[:, self.index].T

@@ -33,7 +33,7 @@ from helisim.base.settings import (
 )
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program
 
-Entries = tuple[tuple[str, ...], ...]  # a matrix of expressions, by rows
+Entries = tuple[tuple[str | float, ...], ...]  # a matrix of expressions, by rows
 MATRICES = {
     **{"M": ("states", "states"), "F": ("states", "states"), "G": ("states", "inputs")},
     **{"H0": ("outputs", "states"), "H1": ("outputs", "states"), "D": ("outputs", "inputs")},
@@ -275,8 +275,6 @@ class Structure(Value):
                     convert(tuple[str, ...], given.get(axis, ()), axis) for axis in MATRICES[matrix]
                 )
                 given[matrix] = _dense(given[matrix], rows, columns, matrix)
-            cells = convert(tuple[tuple[str | float, ...], ...], given[matrix], matrix)
-            given[matrix] = [list(map(str, row)) for row in cells]
         return with_blocks(from_plain(cls, given, "structure"), series)
 
     @classmethod
@@ -297,16 +295,16 @@ class Structure(Value):
     def to_dict(self, *, toml: bool = False) -> dict[str, Any]:
         """Return plain data for `from_dict`; with `toml` without None."""
         plain = [to_plain(parameter, toml=toml) for parameter in self.parameters]
-        tables: dict[str, Any] = {"name": self.name}
-        tables |= {"meaning": self.meaning} if self.meaning else {}
-        tables |= {key: list(getattr(self, key)) for key in ("states", "inputs", "outputs")}
-        tables["parameters"] = {table.pop("name"): table for table in plain}
-        for key in ("constants", *DELAYS):
-            tables |= {key: dict(getattr(self, key))} if getattr(self, key) else {}
-        for matrix in MATRICES:
-            rows = _sparse(getattr(self, matrix), *self._axes(matrix), matrix)
-            tables |= {matrix: rows} if rows or matrix in ("F", "G", "H0") else {}
-        return tables
+        rows = {key: _sparse(getattr(self, key), *self._axes(key), key) for key in MATRICES}
+        tables: dict[str, Any] = {
+            **{"name": self.name, "meaning": self.meaning},
+            **{key: list(getattr(self, key)) for key in ("states", "inputs", "outputs")},
+            "parameters": {table.pop("name"): table for table in plain},
+            **{key: dict(getattr(self, key)) for key in ("constants", *DELAYS)},
+            **rows,
+        }
+        spared = ("meaning", "constants", *DELAYS, "M", "H1", "D")  # where they are empty
+        return {key: item for key, item in tables.items() if item or key not in spared}
 
     @property
     def _shapes(self) -> dict[str, tuple[int, int]]:
@@ -318,8 +316,7 @@ class Structure(Value):
         return getattr(self, rows), getattr(self, columns)
 
     def _with(self, changes: Mapping[str, Mapping[str, Any]]) -> "Structure":
-        for name in changes:
-            self.parameter(name)
+        check_known(f"parameter of {self.name!r}", changes, self.names)
         parameters = tuple(replace(one, **changes.get(one.name, {})) for one in self.parameters)
         return replace(self, parameters=parameters)
 

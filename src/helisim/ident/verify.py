@@ -14,7 +14,7 @@ from helisim.base.errors import IdentificationError, InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.settings import Limits, convert
 from helisim.ident.evaluate import delayed, linear, simulate
-from helisim.ident.frf import record_digest, refuse_truncated, share_seen
+from helisim.ident.frf import flights_of, record_digest, refuse_truncated, share_seen
 from helisim.ident.result import Fit
 from helisim.ident.verification import (
     Approach,
@@ -65,9 +65,7 @@ def verify(
     Raises InputError if a record was used in the fit, or lacks a channel, or a segment is too
     short; IdentificationError if the model diverges, or a flight was terminated early.
     """
-    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
-    if not flights:
-        raise InputError("no records were given; expected at least one FlightRecord")
+    flights = flights_of(records)
     convert(float | None, segment, "segment", Limits(unit="s", above=0.0))
     if not use_ended:
         refuse_truncated(flights)

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.sparse.csgraph import connected_components
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError, check_known
-from helisim.base.settings import Value, check, setting
+from helisim.base.settings import Limits, Value, check, convert, setting
 from helisim.handling.loop import BY_NAME, PLACES, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.interval import (
     UNITS,
@@ -23,7 +23,7 @@ from helisim.handling.measured.interval import (
     intervals,
 )
 from helisim.ident import CrossControlWarning, RecordQualityWarning
-from helisim.ident.frf import frequency_response
+from helisim.ident.frf import flights_of, frequency_response
 from helisim.ident.local_fit import flight_lines
 from helisim.ident.scatter import LocalScatter
 from helisim.ident.scatter import alike as likeness
@@ -147,10 +147,7 @@ class Driven(Value):
     flags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("frequency", "response", "root"):
-            array = np.array(getattr(self, name))
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        check(self)
 
     def samples(self, count: int, seed: int) -> Complex:
         """Return draws of the response, (count, n_out, n_freq), in pairs about this one."""
@@ -235,11 +232,8 @@ def _excited_band(records: Sequence[FlightRecord], drives: Sequence[str]) -> tup
     frequency = np.geomspace(low, high, 200)
     reach = int(np.ceil(np.log(_NEAR) / np.log(frequency[1] / frequency[0])))
     lines = flight_lines(records, drives, float(frequency[-1]) * (1.0 + _WIDTH))
-    first, count = lines.within((1.0 - _WIDTH) * frequency, (1.0 + _WIDTH) * frequency)
-    power = np.abs(lines.values) ** 2
-    total = np.concatenate([np.zeros_like(power[:, :1]), np.cumsum(power, axis=1)], axis=1)
-    flight = np.arange(len(records))
-    summed = total[flight, first + count] - total[flight, first]
+    edges = (1.0 - _WIDTH) * frequency, (1.0 + _WIDTH) * frequency
+    summed, count = lines.summed(np.abs(lines.values) ** 2, *edges)
     octaves = frequency[:, None] * np.sum(summed / np.maximum(count, 1)[..., None], axis=1)
     begin, end = 0, frequency.size - 1
     for one in octaves.T:  # the band around the most power of each
@@ -286,6 +280,8 @@ class MeasuredLoop(Value):
     count: int = DRAWS
     seed: int = 1
     draw: int | None = None
+    _known: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What was computed, of this loop and its draws."""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -302,14 +298,7 @@ class MeasuredLoop(Value):
     @property
     def draws(self) -> "Iterator[MeasuredLoop]":
         """Loops as likely as this one, their errors correlated as measured."""
-        for number in range(self.count):
-            one = replace(self, draw=number)
-            vars(one)["_known"] = self._known
-            yield one
-
-    @cached_property
-    def _known(self) -> dict[Any, Any]:
-        return {}
+        return (replace(self, draw=number) for number in range(self.count))
 
     def broken(self, axis: str, at: str = "actuators") -> Curve:
         """Return the loop L of one axis, all others closed."""
@@ -481,18 +470,12 @@ def margins(
 
     Raises InputError of an argument, IdentificationError if nothing was injected or swept.
     """
-    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
-    if not flights:
-        raise InputError("no records were given; expected at least one FlightRecord")
-    if not 2 <= draws <= _MOST_DRAWS:
-        raise InputError(f"draws is {draws}, expected 2 to {_MOST_DRAWS}")
+    flights = flights_of(records)
+    convert(int, draws, "draws", Limits(low=2, high=_MOST_DRAWS))
     recorded = list(dict.fromkeys(name for flight in flights for name in flight.names))
     check_known("channel that is late", late or {}, recorded)
-    for name, delay in (late or {}).items():
-        if not abs(delay) < _LATEST:
-            raise InputError(f"{name} is late by {delay} s, expected less than {_LATEST:g} s")
-    if at not in (None, *PLACES):
-        raise UnknownNameError("place of a cut", at, PLACES)
+    convert(Mapping[str, float], late or {}, "late", Limits("s", above=-_LATEST, below=_LATEST))
+    check_known("place of a cut", () if at is None else [at], PLACES)
     wanted = (axes,) if isinstance(axes, str) else BY_NAME if axes is None else axes
     names = tuple(axis_of(one).name for one in wanted)
     known = cuts_by_name(recorded)
@@ -578,11 +561,12 @@ def _figures(
 ) -> tuple[tuple[MeasuredFigure, ...], list[str]]:
     found: list[MeasuredFigure] = []
     missing: list[str] = []
-    asked: list[tuple[str, str, str]] = []
-    for cut in loop.used:
-        asked.append(("broken", cut.axis, cut.at))
-        if cut.at == "sensors" or cut.alone:
-            asked.append(("disturbance", cut.axis, cut.at))
+    asked = [
+        (kind, cut.axis, cut.at)
+        for cut in loop.used
+        for kind in ("broken", "disturbance")
+        if kind == "broken" or cut.at == "sensors" or cut.alone
+    ]
     if not asked:
         missing.append(
             "no loop was cut: nothing that the control law doesn't know was injected, so margins, "
