@@ -7,17 +7,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
+from helisim.base.arrays import Complex as Response
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.settings import FrozenMap, Limits, Value, convert
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
-Response = NDArray[np.complex128]
 
 _ROUNDING = 1e-9  # s: tolerance of delays as whole periods, and of equal periods
 _GONE = 1e-4  # size of a pole in the z-plane that counts as a delay's
@@ -36,7 +36,7 @@ class Linear(Protocol):
         """Names of the outputs."""
         ...
 
-    def response(self, frequency: Array, /) -> Response:
+    def response(self, frequency: Real, /) -> Response:
         """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
         ...
 
@@ -49,10 +49,10 @@ class LinearSystem(Value):
     `output_delays`, s by name of input and output, are not in the matrices.
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array
+    a: Real
+    b: Real
+    c: Real
+    d: Real
     period: float | None
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -120,7 +120,7 @@ class LinearSystem(Value):
         return self
 
     @property
-    def lags(self) -> Array:
+    def lags(self) -> Real:
         """Delay of each response, its output's plus its input's, (n_out, n_in) s."""
         late = _in_order(self.output_delays, self.outputs)
         return late[:, None] + _in_order(self.delays, self.inputs)
@@ -257,7 +257,7 @@ class LinearSystem(Value):
             name=f"loop_at_{cut}" if cut else "closed_loop",
         )
 
-    def simulate(self, inputs: ArrayLike) -> Array:
+    def simulate(self, inputs: ArrayLike) -> Real:
         """Return a sampled system's outputs (n_tick, n_out) from rest for inputs (n_tick, n_in)."""
         state, inputs = np.zeros(len(self.a)), np.asarray(inputs, dtype=np.float64)
         found = np.empty((len(inputs), len(self.outputs)))
@@ -320,7 +320,7 @@ class LinearSystem(Value):
         n, m = self.b.shape
         total = n + sum(lines) + sum(ticks)
 
-        def placed(still: Array, old: Array, new: Array) -> tuple[Array, Array]:
+        def placed(still: Real, old: Real, new: Real) -> tuple[Real, Real]:
             """Return rows over the states, and over the two values of inputs, over a tick's."""
             over, at_once, start = np.zeros((len(still), total)), np.zeros((len(still), m)), n
             over[:, :n] = still
@@ -333,7 +333,7 @@ class LinearSystem(Value):
                 start += length
             return over, at_once
 
-        def moved(after: float) -> tuple[Array, Array, Array]:
+        def moved(after: float) -> tuple[Real, Real, Real]:
             """Return the states at a time after a tick, over states, older and newer inputs."""
             still, by = zero_order_hold(self.a, self.b, after)
             old, new = by.copy(), np.zeros((n, m))
@@ -390,7 +390,7 @@ def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem
     return LinearSystem(a, b, c, d, parts[0].period, tuple(inputs), outputs, tuple(states))
 
 
-def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+def zero_order_hold(a: Real, b: Real, period: float) -> tuple[Real, Real]:
     """Return exp(A t) and its integral times B: A and B of held inputs over a period."""
     n, m = b.shape
     both = np.zeros((n + m, n + m))
@@ -399,11 +399,11 @@ def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
     return whole[:n, :n], whole[:n, n:]
 
 
-def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Array:
+def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Real:
     return np.array([delays.get(name, 0.0) for name in names], dtype=np.float64)
 
 
-def _columns(matrix: Array, has: Sequence[str], wanted: Sequence[str]) -> Array:
+def _columns(matrix: Real, has: Sequence[str], wanted: Sequence[str]) -> Real:
     found = np.zeros((len(matrix), len(wanted)))
     for to, by in ((k, has.index(name)) for k, name in enumerate(wanted) if name in has):
         found[:, to] = matrix[:, by]

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, freqz
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.settings import FrozenMap, Value
 from helisim.handling.loop import axis_of
 from helisim.records.record import ATTITUDES, RATES
 
-Array = NDArray[np.float64]
-Each = float | Array
+Each = float | Real
 
 COMMANDS = ("lat", "lon", "ped")  # commands, 1 being full; the collective is the pilot's
 STICKS = ("LAT", "LON", "PED")
@@ -169,7 +169,7 @@ class ArduCopterLaw(Value):
         b, a = butter(2, min(self.gyro_hz, 0.4 * _GYRO_RATE), fs=_GYRO_RATE)
         return np.asarray(freqz(b, a, frequency, fs=2.0 * np.pi * _GYRO_RATE)[1])
 
-    def wanted(self, error: Array, moves: Array) -> Array:
+    def wanted(self, error: Real, moves: Real) -> Real:
         """Return wanted rates, (3, ...) rad/s, of errors of roll, pitch and heading, (3, ...) rad.
 
         `moves` are the target's derivatives, (3, ...) rad/s.
@@ -194,7 +194,7 @@ class ArduCopterLaw(Value):
             COMMANDS,
         )
 
-    def _tick(self, state: Array, seen: Array) -> Array:
+    def _tick(self, state: Real, seen: Real) -> Real:
         """Return 21 states and 3 commands, less those of the steady flight.
 
         States: wanted rates, filtered ones, errors, slopes, integrals, target attitudes and rates.
@@ -213,7 +213,7 @@ class ArduCopterLaw(Value):
         *kept, commands = terms
         return np.concatenate([wanted, *kept, aim, moves, commands])
 
-    def _aimed(self, aim: Array, moves: Array, asked: Array) -> tuple[Array, Array]:
+    def _aimed(self, aim: Real, moves: Real, asked: Real) -> tuple[Real, Real]:
         if self.input_time is None:
             return np.array([asked[0], asked[1], aim[2] + self.period * asked[2]]), np.zeros(3)
         aim = aim + self.period * moves
@@ -222,13 +222,13 @@ class ArduCopterLaw(Value):
         return aim, np.array([*((asked - aim)[:2] / self.input_time), yaw])
 
     @cached_property
-    def _turned(self) -> Array:
+    def _turned(self) -> Real:
         """Rotations about the body's axes over changes of roll, pitch and heading, (3, 3)."""
         (sp, cp), (st, ct) = ((math.sin(one), math.cos(one)) for one in self.lean)
         return np.array([[1.0, 0.0, -st], [0.0, cp, sp * ct], [0.0, -sp, cp * ct]])
 
 
-def _share(corner: float, period: Each) -> Array:
+def _share(corner: float, period: Each) -> Real:
     if not corner:
         return np.ones_like(period)
     return np.asarray(period / (period + 1.0 / (2.0 * math.pi * corner)))

@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.handling.loop import Curve
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 MOST_GAIN = 60.0  # dB, the largest gain margin that is told
 HALF_POWER = -10.0 * np.log10(2.0)  # dB, of 1 / sqrt 2

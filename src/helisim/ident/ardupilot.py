@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError, check_known
 from helisim.base.files import write_json
 from helisim.base.settings import FrozenMap, Value, convert
@@ -23,7 +23,6 @@ from helisim.ident.structure import Structure
 from helisim.records.record import IN1
 
 Place = tuple[str, str]  # State whose rate of change it is, and state or command that causes it
-Real = NDArray[np.float64]
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "a", "b")
 _ROWS = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}

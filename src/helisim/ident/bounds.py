@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.ident.cost import FLOOR, Cost
 from helisim.ident.scatter import alike
 
@@ -26,7 +27,6 @@ _FARTHEST = 1e9  # largest value, in its orders of magnitude, for a parameter to
 _TRIED = 0.5  # rad of phase that the lag that is tried makes at the band's top
 _KNOWN = 0.2  # error of a parameter, over its value, from which its shift says nothing
 _BEYOND_CHANCE = 3.0  # errors: chance brings so much to one input in 700
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

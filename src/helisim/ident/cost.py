@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.settings import Limits, convert
 from helisim.base.units import DB_PER_NEPER
@@ -33,7 +34,6 @@ _HOPELESS = 1e3  # residual of an undefined model: worse than that of any other
 FLOOR = 0.005
 
 Band = tuple[float, float]
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 from scipy.special import fdtri
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.note import Note, Option
 from helisim.base.settings import FrozenMap, Value, convert
@@ -35,7 +36,6 @@ _EDGE = 0.34  # of a band's points, that are its edge
 _DELAY_ERRORS, _EARLY = 3.0, 0.01  # errors, and s (a sample of most logs), that a delay may lead
 _LARGEST_FLAPPING = 1.0  # rad per unit of stick
 _DOUBTFUL = 0.75  # mean coherence below which a response's data are doubted
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

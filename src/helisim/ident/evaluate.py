@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
 from helisim.base.linear import LinearSystem
 from helisim.ident.expression import Dependence, Program, value_at
 from helisim.ident.structure import DELAYS, Structure
 
 SINGULAR = 1e12  # condition of M that counts as singular
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def response(structure: Structure, values: Mapping[str, float], frequency: Real) -> Complex:

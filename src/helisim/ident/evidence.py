@@ -14,14 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.note import Note
 from helisim.ident.feedback import answered
 from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.records.record import ATTITUDES, IN1, IN2, RATES, Channel, FlightRecord
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
 _APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next

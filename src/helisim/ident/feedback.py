@@ -13,10 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from helisim.base.arrays import Complex, Real
 
 _PERIODS = 3.0  # of a cell: its Hann window passes a third of the frequency either way
 _OVERLAP = 4  # cells that begin within a cell

@@ -6,11 +6,12 @@ from typing import Literal
 
 import numpy as np
 
+from helisim.base.arrays import Real
 from helisim.base.note import Note
 from helisim.base.settings import Limits, convert
 from helisim.ident import diagnosis
 from helisim.ident.bounds import Accuracy, accuracy
-from helisim.ident.cost import Band, Cost, Real, select
+from helisim.ident.cost import Band, Cost, select
 from helisim.ident.diagnosis import degenerate, misfit
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse

@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.linalg import eigvals
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
 from helisim.base.settings import Limits, convert
 from helisim.ident.bounds import Accuracy
-from helisim.ident.cost import Band, Cost, Real, select, within
+from helisim.ident.cost import Band, Cost, select, within
 from helisim.ident.diagnosis import delay_names, misfit
-from helisim.ident.evaluate import Complex, Sensitivity, response
+from helisim.ident.evaluate import Sensitivity, response
 from helisim.ident.evidence import evidence
 from helisim.ident.fit import fitted_parameters
 from helisim.ident.frf import (

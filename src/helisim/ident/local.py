@@ -13,12 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, Lines, fit_band, flight_lines
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
 from helisim.records.record import FlightRecord
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 WIDTHS: Real = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
 """Half widths of the band over its middle: 0.06 to 3.84."""

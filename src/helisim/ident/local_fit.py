@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from helisim.base.arrays import Complex, Real
 from helisim.records.record import FlightRecord
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 ORDER = 2  # Order of the response's polynomial (Pintelon and Schoukens take 2, too)
 TRANSIENT = 3  # Terms of a transient: 1/w, 1 and w

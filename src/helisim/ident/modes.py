@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.display import Displayed
 from helisim.base.errors import IdentificationError
 from helisim.base.settings import Value, check
@@ -27,8 +28,6 @@ _CURVED, _ROUNDING = 0.25, 1e-13
 _ORIGIN = 1e-9  # rad/s: a root nearer to zero is an integrator, or a zero at the origin
 _NOTHING = 1e-10  # fraction of its terms below which a sum of products is rounding
 _CANCELS = 1e-6  # relative distance of a zero from the pole that it cancels
-Real = NDArray[np.float64]
-Roots = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -212,7 +211,9 @@ def modes(
     poles, right = np.linalg.eig(a) if n else (np.empty(0), np.empty((0, 0)))
     poles = poles.astype(np.complex128)
 
-    def found(roots: Roots, left: Roots, right: Roots, place: tuple[int, int]) -> tuple[Mode, ...]:
+    def found(
+        roots: Complex, left: Complex, right: Complex, place: tuple[int, int]
+    ) -> tuple[Mode, ...]:
         some = [Mode(float(z.real) + 0.0, float(z.imag)) for z in roots]
         if covariance is not None:
             # coupling of two roots by a change of each parameter, (n_name, n_root, n_root)
@@ -244,11 +245,11 @@ def _changes(
     structure: Structure,
     values: Mapping[str, float],
     names: Sequence[str],
-    roots: Roots,
-    left: Roots,
-    right: Roots,
+    roots: Complex,
+    left: Complex,
+    right: Complex,
     place: tuple[int, int],
-) -> Roots:
+) -> Complex:
     """Return l_i (dP/dp)(s_i) r_j for each named parameter p, (n_name, n_root, n_root)."""
     program, count, last = structure.program, roots.size, len(structure.states)
     ordered = program.ordered(values).tolist()
@@ -266,7 +267,7 @@ def _changes(
     return total
 
 
-def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Roots, float]:
+def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Complex, float]:
     if d:
         return np.linalg.eigvals(a - b @ c / d).astype(np.complex128), d
     row, seen, reach = c, [], np.abs(c)
@@ -281,7 +282,7 @@ def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Roots, float]:
     return np.empty(0, dtype=np.complex128), 0.0
 
 
-def uncancelled(zeros: Roots, poles: Roots, size: float) -> Roots:
+def uncancelled(zeros: Complex, poles: Complex, size: float) -> Complex:
     """Return zeros without those that poles cancel, relative to `size`, the fastest pole's."""
     left, kept = list(poles), []
     for zero in zeros:
@@ -295,7 +296,7 @@ def uncancelled(zeros: Roots, poles: Roots, size: float) -> Roots:
 
 def _null_vectors(
     roots: NDArray, zero: Real, rate: Real, right: NDArray | None = None
-) -> tuple[Roots, Roots]:
+) -> tuple[Complex, Complex]:
     count, size = roots.size, zero.shape[0]
     lefts = np.zeros((count, size), dtype=np.complex128)
     rights = np.zeros((size, count), dtype=np.complex128)
@@ -309,7 +310,7 @@ def _null_vectors(
 
 
 def _with_errors(
-    mode: Mode, k: int, roots: Roots, joins: Roots, covariance: Real, values: Real
+    mode: Mode, k: int, roots: Complex, joins: Complex, covariance: Real, values: Real
 ) -> Mode:
     slope = joins[:, k, k]
     unknown = ~np.isfinite(np.diagonal(covariance))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from helisim.base.arrays import Real
 
 _STEPS, _SETTLED = 20, 1e-6
 _DESCENT, _ARRIVED = 60, 1e-6

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, check_known
 from helisim.base.files import atomic_write, check_suffix, write_json
@@ -24,7 +25,6 @@ from helisim.records.record import made_by
 if TYPE_CHECKING:
     from helisim.base.display import Figure
 
-Real = NDArray[np.float64]
 
 USABLE_COHERENCE = 0.6  # Partial coherence from which a point is usable (Tischler and Remple)
 FORMAT = "helisim frequency response, version 1"

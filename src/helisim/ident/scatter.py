@@ -17,10 +17,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.settings import Value
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Index = Sequence[int] | NDArray[np.intp]
 
 # Of ln w, over which systematic errors are alike: measured of the JR700's and the Blade 360's exact

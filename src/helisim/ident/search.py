@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, OptimizeResult, least_squares
 
+from helisim.base.arrays import Real
 from helisim.ident.cost import Cost
 from helisim.ident.expression import value_at
 from helisim.ident.rational import STEP, delay_grid, rational_fits
@@ -29,8 +30,6 @@ _SPREAD, _FLIPPED = 0.7, 0.2
 _HANDFUL, _CROWD, _LAP = 8, 16, 6
 _BESIDE = 4  # steps of the delays by which starts beside a minimum differ
 _VALLEYS, _NEARLY = 4, 1.5  # Rational fits to search from; their largest error over the best one's
-
-Real = NDArray[np.float64]
 
 
 class Start(NamedTuple):

@@ -7,9 +7,9 @@ motions, Theil's coefficient is of (1 - P) y and (1 - P) y_forced.
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.settings import Limits, convert
@@ -25,8 +25,6 @@ from helisim.ident.verification import (
     theil,
 )
 from helisim.records.record import IN1, IN2, FlightRecord, one_blas_thread
-
-Real = NDArray[np.float64]
 
 _SHARED = 0.25  # largest share of a record's time that the fit may have seen
 # Of an error, over a segment of an unstable model or a record that is predicted whole: eight times

@@ -15,14 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
 from helisim.base.units import without_trend
 from helisim.ident.local import Local, smoothed
 from helisim.ident.scatter import Estimate, Scatter, WindowWeights
 from helisim.records.record import FlightRecord
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 HANN_POWER = 0.375  # Mean square of the Hann window (CIFER's 1.63^2 is its inverse)
 OVERLAP = 0.75  # Least overlap of windows

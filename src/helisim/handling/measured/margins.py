@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.sparse.csgraph import connected_components
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError, check_known
 from helisim.base.settings import Limits, Value, check, convert, setting
 from helisim.handling.loop import BY_NAME, PLACES, Curve, History, NoResponse, axis_of
@@ -29,8 +30,6 @@ from helisim.ident.scatter import LocalScatter
 from helisim.ident.scatter import alike as likeness
 from helisim.records.record import IN1, IN2, FlightRecord, one_blas_thread
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float] | None
 
 DRAWS = 400  # draws: their standard deviation is known to 3.5 %
@@ -141,7 +140,7 @@ class Driven(Value):
 
     drive: str
     outputs: tuple[str, ...]
-    frequency: Array
+    frequency: Real
     response: Complex
     root: Complex = field(repr=False)
     flags: tuple[str, ...] = ()
@@ -255,7 +254,7 @@ class MeasuredCurve(Curve):
     samples: Complex
 
 
-def known_curve(name: str, frequency: Array, response: Complex, samples: Complex) -> MeasuredCurve:
+def known_curve(name: str, frequency: Real, response: Complex, samples: Complex) -> MeasuredCurve:
     """Return the longest band, (n_freq,) each, in which a curve is known; or NoResponse."""
     with np.errstate(all="ignore"):
         off = np.median(np.abs(samples / response - 1.0), axis=0)
