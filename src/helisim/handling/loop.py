@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, item_of
 from helisim.base.settings import Value, check
 from helisim.base.units import DB_PER_NEPER
 
@@ -40,15 +40,12 @@ BY_NAME = {
     "lat": Axis("lat", "roll", "LAT", "phi", "p"),
     "ped": Axis("ped", "yaw", "PED", "psi", "r"),
 }
-_BY_WORD = {one.word: one for one in BY_NAME.values()}
+_BY_EITHER = BY_NAME | {one.word: one for one in BY_NAME.values()}
 
 
 def axis_of(name: str) -> Axis:
     """Return an axis by its command ("lat") or its word ("roll"). Raises UnknownNameError."""
-    try:
-        return BY_NAME.get(name) or _BY_WORD[name]
-    except KeyError:
-        raise UnknownNameError("axis", name, [*BY_NAME, *_BY_WORD]) from None
+    return item_of(_BY_EITHER, name, "axis")
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from functools import partial
 from os import PathLike
 from typing import Any, get_args, get_type_hints
 
-from helisim.base.errors import InputError, UnknownNameError, check_known
+from helisim.base.errors import InputError, check_known, item_of
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import convert, from_plain, placed, toml_text
 from helisim.base.units import RAD_PER_DEG
@@ -91,12 +91,10 @@ def specs_to_toml(specs: Iterable[Spec]) -> str:
 
 
 def _spec(number: int, table: dict[str, Any]) -> Spec:
-    known = known_criteria()
     with placed(f"spec {number}"):
         name, kind = table.pop("criterion", None), table.pop("kind", "soft")
-        if not isinstance(name, str) or name not in known:
-            raise UnknownNameError("criterion", str(name or ""), known)
-        made, hints = known[name], get_type_hints(known[name])
+        made = item_of(known_criteria(), str(name or ""), "criterion")
+        hints = get_type_hints(made)
         names = {one.name: one.name for one in fields(made)}
         names |= {f"{one}_deg": one for one in made.angles}
         given: dict[str, Any] = {}

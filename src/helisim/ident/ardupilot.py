@@ -26,14 +26,12 @@ Place = tuple[str, str]  # State whose rate of change it is, and state or comman
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "a", "b")
 _ROWS = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
-_STABILITY = "Xu Yv Yp Zw Lu Lv Lp Lq Mu Mv Mp Mq Nv Nw Nr"
-_CONTROL = "Xlon Ylat Zcol Llat Llon Mlat Mlon Nped Ncol"
+_NAMED = (
+    "Xu Yv Yp Zw Lu Lv Lp Lq Mu Mv Mp Mq Nv Nw Nr Xa1s Yb1s Lb1s Ma1s "
+    "Xlon Ylat Zcol Llat Llon Mlat Mlon Nped Ncol"
+)
 DERIVATIVES: Mapping[str, Place] = FrozenMap(
-    {
-        **{name: (_ROWS[name[0]], name[1:]) for name in _STABILITY.split()},
-        **{"Xa1s": ("u", "a"), "Yb1s": ("v", "b"), "Lb1s": ("p", "b"), "Ma1s": ("q", "a")},
-        **{name: (_ROWS[name[0]], name[1:]) for name in _CONTROL.split()},
-    }
+    {name: (_ROWS[name[0]], name[1:].removesuffix("1s")) for name in _NAMED.split()}
 )  # Name in the file -> its place
 FLAPPING: Mapping[str, Place] = FrozenMap(
     {
@@ -42,19 +40,23 @@ FLAPPING: Mapping[str, Place] = FrozenMap(
         **{"Mflt": ("a", "lat"), "Mflg": ("a", "lon")},
     }
 )  # The same for the tip path plane's steady tilt, longitudinal a and lateral b
-_DELAYS = {"lat": "rp", "lon": "rp", "ped": "ped", "col": "col"}
-DELAYS: Mapping[str, str] = FrozenMap({name: f"time_delay_{key}" for name, key in _DELAYS.items()})
+DELAYS: Mapping[str, str] = FrozenMap(
+    {
+        **dict.fromkeys(("lat", "lon"), "time_delay_rp"),
+        **{"ped": "time_delay_ped", "col": "time_delay_col"},
+    }
+)
 SETTINGS = ("hover_lean", "nominal_rpm", "coll_min", "coll_max", "coll_hover")
 UNREAD = ("Lq", "Mp")  # in the equations, but not read by that commit's loader
 LONGEST_MS = 100  # longest delay
 NAMES = (*DERIVATIVES, *FLAPPING, "tf", *dict.fromkeys(DELAYS.values()), *SETTINGS)
 _FULL = {"col": 1.0, "lon": 0.5, "lat": 0.5, "ped": 0.5}  # commands at ArduPilot's 1
 _OWN = {"col": "w", "lon": "q", "lat": "p", "ped": "r"}
-_ATTITUDE: dict[Place, float] = {
+_BY_ITSELF: dict[Place, float] = {
     **{("phi", "p"): 1.0, ("theta", "q"): 1.0},
     **{("u", "theta"): -STANDARD_GRAVITY, ("v", "phi"): STANDARD_GRAVITY},
-}
-_TILTED: dict[Place, float] = {("a", "q"): -1.0, ("b", "p"): -1.0}
+    **{("a", "q"): -1.0, ("b", "p"): -1.0},
+}  # What attitudes and tilts do, whatever the file says
 _SAME = 2e-3  # relative difference of gravity between places, and rounding
 _ROTOR_LAG = 0.1  # s, where nothing flaps: the simulator divides by it
 _MS = 1e-3
@@ -201,9 +203,8 @@ def _core(
         for by, value in zip((*states, *structure.inputs), line)
     }
     known = {*DERIVATIVES.values(), *FLAPPING.values(), ("a", "a"), ("b", "b")}
-    by_itself = _ATTITUDE | _TILTED
     for (row, by), value in entries.items():
-        its = by_itself.get((row, by))
+        its = _BY_ITSELF.get((row, by))
         if value and its is not None and abs(value / its - 1.0) > _SAME:
             lost.append(f"{value:.4g} in d{row}/dt by {by}, not {its:.4g}")
         elif value and its is None and (row, by) not in known:

@@ -66,7 +66,7 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     clear = np.linalg.norm(jacobian, axis=0) * size > _FAINT
     jacobian = jacobian * clear
     residual = cost.log(x, unwrap=False)
-    hessian = gauss_newton_hessian(jacobian)
+    hessian = 2.0 * jacobian.T @ jacobian  # of sum r^2, without curvature
     inverse, seen = _inverse(hessian)
     variance = np.diagonal(inverse)
     minimised, scale, left = jacobian, cost.log_scale(), residual
@@ -89,9 +89,9 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
             moved = gain @ (scale * np.concatenate([cost.points.gap.real, cost.points.gap.imag]))
             covariance = covariance + np.outer(moved, moved)
         omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
-    known = [one for one in cost.structure.parameters if one.error > 0.0]
+    known = cost.structure.uncertain
     carried = np.zeros((x.size, len(known)))
-    if known and x.size:
+    if carried.size:
         by_known = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
         carried = -(gain @ by_known) * [one.error for one in known]
     covariance = covariance + carried @ carried.T
@@ -176,11 +176,6 @@ def _omitted_lags(
         if size > _BEYOND_CHANCE * error:
             lag = tried * math.sqrt(size)
             yield name, lag, float(size / error), float(np.max(moved, where=known, initial=0.0))
-
-
-def gauss_newton_hessian(jacobian: Real) -> Real:
-    """Return the Hessian of sum r^2 without curvature for a Jacobian (n_residual, n_free)."""
-    return 2.0 * jacobian.T @ jacobian
 
 
 def _inverse(hessian: Real) -> tuple[Real, NDArray[np.bool_]]:

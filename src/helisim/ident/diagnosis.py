@@ -134,8 +134,8 @@ def degenerate(
         unknown = bounds >= np.abs(best.x)  # only then are lower orders tried
     if not np.any(unknown):
         return (), frozenset()
-    form = _polynomials(cost.structure)
-    if form is None:
+    form = rational_form(cost.structure)
+    if form is None or any(one.fixed for one in cost.structure.parameters):
         return _far_poles(cost, best.x, unknown)
     lower = _lower_order(cost, best, form, squares, fitted)
     if lower is None:
@@ -146,11 +146,6 @@ def degenerate(
         f"whose J of {average:.4g} is no worse but for noise"
     )
     return (advice,), frozenset(cost.structure.names)
-
-
-def _polynomials(structure: Structure) -> Rational | None:
-    form = rational_form(structure)
-    return None if any(one.fixed for one in structure.parameters) else form
 
 
 def _lower_order(

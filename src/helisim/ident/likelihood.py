@@ -290,7 +290,7 @@ class _Likelihood:
         )
         rows = gain.reshape(len(x), 2, *self.shape[:2])
         covariance = np.einsum("ipla,lab,jplb->ij", rows, local, rows)
-        known = [one for one in self.structure.parameters if one.error > 0.0]
+        known = self.structure.uncertain
         slope = self.errors(x, [one.name for one in known])[1]
         carried = -(gain @ _parts(slope).T) * np.array([one.error for one in known])
         covariance = covariance + carried @ carried.T

@@ -57,10 +57,7 @@ class Local:
 
     def cross_control(self, names: Sequence[str]) -> Real:
         """Return the coherence between signals, (n_name, n_name, n_freq)."""
-        matrix = _power(self._lines, self._lines.places(names), self._frequency)
-        power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
-        product = np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
-        return np.moveaxis(np.abs(matrix) ** 2 / product, 0, 2)
+        return between(_power(self._lines, self._lines.places(names), self._frequency))
 
     def estimate(
         self,
@@ -100,6 +97,13 @@ class Local:
             random_error=np.sqrt(0.5 * relative),
             scatter=scatter,
         )
+
+
+def between(spectra: Complex) -> Real:
+    """Return the coherence between signals, (n, n, n_freq), by their spectra, (n_freq, n, n)."""
+    power = np.real(np.diagonal(spectra, axis1=1, axis2=2))
+    product = np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
+    return np.moveaxis(np.abs(spectra) ** 2 / product, 0, 2)
 
 
 def with_gap(found: Estimate, frequency: Real, other: Complex) -> Estimate:

@@ -293,8 +293,7 @@ class Fit(Value, Displayed):
     def modes(self) -> Modes:
         """Poles, and zeros of each fitted response, with errors. Raises IdentificationError."""
         names = [one.name for one in self.structure.free]
-        known = [one for one in self.structure.parameters if one.error > 0.0]
-        covariance = self.covariance
+        covariance, known = self.covariance, self.structure.uncertain
         if covariance is not None and self.carried is not None and known:
             errors = np.array([one.error for one in known])
             across = self.carried * errors
@@ -400,7 +399,6 @@ class Fit(Value, Displayed):
         parameters = {one.name: one for one in fitted}
         response = FrequencyResponse.from_dict(filed["data"])
         pairs, free = structure.pairs, len(structure.free)
-        errors = sum(one.error > 0.0 for one in structure.parameters)
         left = None if given.get("misfit") is None else Misfit.from_dict(given["misfit"])
         costs, bands = filed["costs"], filed["bands_rad_s"]
         check_known("response of the fit", (*costs, *filed["dropped"]), pairs)
@@ -427,7 +425,7 @@ class Fit(Value, Displayed):
             searches_agreeing=filed["searches_agreeing"],
             data=response,
             covariance=_matrix(given.get("covariance"), (free, free), "covariance"),
-            carried=_matrix(given.get("carried"), (free, errors), "carried"),
+            carried=_matrix(given.get("carried"), (free, len(structure.uncertain)), "carried"),
             misfit=left,
             degenerate=filed["degenerate"],
             omitted=convert(tuple[Note, ...], given.get("omitted", ()), "omitted"),

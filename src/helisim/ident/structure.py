@@ -145,6 +145,11 @@ class Structure(Value):
         return tuple(parameter for parameter in self.parameters if not parameter.fixed)
 
     @property
+    def uncertain(self) -> tuple[Parameter, ...]:
+        """Fixed parameters with a standard error."""
+        return tuple(parameter for parameter in self.parameters if parameter.error > 0.0)
+
+    @property
     def starts(self) -> dict[str, float]:
         """Start of every parameter by name."""
         return {parameter.name: parameter.start for parameter in self.parameters}

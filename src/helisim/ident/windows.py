@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
 from helisim.base.units import without_trend
-from helisim.ident.local import Local, smoothed
+from helisim.ident.local import Local, between, smoothed
 from helisim.ident.scatter import Estimate, Scatter, WindowWeights
 from helisim.records.record import FlightRecord
 
@@ -69,9 +69,7 @@ class Spectra:
 
     def cross_control(self, names: Sequence[str]) -> Real:
         """Return the coherence between signals, (n_name, n_name, n_freq)."""
-        matrix = self.block(names, names)
-        power = _power(matrix)
-        return _frequency_last(np.abs(matrix) ** 2 / (power[:, :, None] * power[:, None, :]))
+        return between(self.block(names, names))
 
 
 def cross_spectra(

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -279,8 +279,6 @@ class MeasuredLoop(Value):
     count: int = DRAWS
     seed: int = 1
     draw: int | None = None
-    _known: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What was computed, of this loop and its draws."""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -297,7 +295,14 @@ class MeasuredLoop(Value):
     @property
     def draws(self) -> "Iterator[MeasuredLoop]":
         """Loops as likely as this one, their errors correlated as measured."""
-        return (replace(self, draw=number) for number in range(self.count))
+        for number in range(self.count):
+            one = replace(self, draw=number)
+            vars(one)["_known"] = self._known
+            yield one
+
+    @cached_property
+    def _known(self) -> dict[Any, Any]:
+        return {}
 
     def broken(self, axis: str, at: str = "actuators") -> Curve:
         """Return the loop L of one axis, all others closed."""
