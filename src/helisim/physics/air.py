@@ -87,16 +87,9 @@ def write_turbulence_rates(view, step):
 @kernel()
 def one_minus_cosine(since, rise, hold):
     """Return a gust's share of full strength (MIL-F-8785C, section 3.7.1.3); arguments in s."""
-    if since <= 0.0:
-        return 0.0
-    if since < rise:
-        return 0.5 - 0.5 * math.cos(math.pi * since / rise)
-    past = since - rise - hold
-    if past <= 0.0:
-        return 1.0
-    if past < rise:
-        return 0.5 + 0.5 * math.cos(math.pi * past / rise)
-    return 0.0
+    grown = 0.5 - 0.5 * math.cos(math.pi * min(rise, max(0.0, since)) / rise)
+    past = min(rise, max(0.0, since - rise - hold))
+    return grown * (0.5 + 0.5 * math.cos(math.pi * past / rise))
 
 
 @kernel()
@@ -252,7 +245,5 @@ def _corner(a, b):
 def wash_residual(par, nearness, z):
     """Return the share of the main rotor's wake left at a place above the ground; z: m, body."""
     drop = max(0.0, z - par[PARAM.hub_z])
-    below = 4.0 * math.sqrt(nearness) * drop / par[PARAM.main_radius]  # over d
-    if below >= 1.0:
-        return 0.0
+    below = min(1.0, 4.0 * math.sqrt(nearness) * drop / par[PARAM.main_radius])  # over d
     return 1.0 - (below / (2.0 - below)) ** 2

@@ -48,11 +48,10 @@ def command_servos(view):
             law = par[PARAM.tail_law] if k == 3 else par[PARAM.swash_law]
             if law == NO_LAW:
                 controls[CONTROL.servo_front + k] = par[PARAM.planned_front + k]
+    starts, seen = begin_tick(view), seen_now(view)
+    command_by_shipped_laws(view, seen)
     if has_own_law(par):
-        command_by_own_laws(view)
-    else:
-        begin_tick(view)
-        command_by_shipped_laws(view, seen_now(view))
+        command_by_own_laws(view, seen, starts)
     if is_injected(view):
         added = injected(view)
         for k in range(4):
@@ -86,23 +85,19 @@ def has_failed(view):
 
 
 @kernel()
-def command_by_own_laws(view):
-    """Write the laws' commands where one is not shipped."""
-    par, act = view.par, view.act
-    starts = begin_tick(view)
-    seen = seen_now(view)
-    command_by_shipped_laws(view, seen)
+def command_by_own_laws(view, seen, starts):
+    """Write the laws' commands where one is not shipped; starts: whether it is their first tick."""
     numbers, commands = buffer(_NUMBERS), buffer(COMMANDS)
     for k in range(SEEN):
         numbers[k] = seen[k]
     numbers[SEEN] = 1.0 if starts else 0.0
-    swash, tail = par[PARAM.swash_law], par[PARAM.tail_law]
+    swash, tail = view.par[PARAM.swash_law], view.par[PARAM.tail_law]
     last = 3 if tail == swash else 2
     works = swash <= SHIPPED_LAW or command_by(view, swash, numbers, commands, 0, last)
     if tail > SHIPPED_LAW and tail != swash:
         works = command_by(view, tail, numbers, commands, 3, 3) and works
     if not works:
-        act[STATE.law_tick] = _FAILED
+        view.act[STATE.law_tick] = _FAILED
 
 
 @kernel()

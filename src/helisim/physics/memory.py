@@ -61,8 +61,8 @@ _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 _PARAMETERS = len(PARAM)
 _STICKS = SENSORS["stick"]
-_BEFORE_STICK = list(SENSORS).index("stick")
-_BEHIND_STICK = len(SENSORS) - 1 - _BEFORE_STICK
+_STICK, _GYRO_RATE = (list(SENSORS).index(name) for name in ("stick", "gyro_rate"))
+_LAST = len(SENSORS) - 1
 TICK_TOLERANCE = 1e-6  # share of a period that counts as early, for rounding
 TIME_TOLERANCE = 1e-9  # s, by which equal times may differ
 
@@ -226,9 +226,8 @@ def is_rotor(m, offsets, actuator):
     if long(m, offsets.nuser_actuator) < _PARAMETERS:
         return False
     user = user_numbers(m, offsets, actuator)
-    if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
-        return False
-    if user[PARAM.layout] != LAYOUT:
+    ours = user[PARAM.magic] == MAGIC and user[PARAM.layout] == LAYOUT
+    if not ours or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
         return False
     first = user_numbers(m, offsets, actuator - ROTOR)
     return first[PARAM.magic] == MAGIC and first[PARAM.ordinal] == 0.0
@@ -274,19 +273,17 @@ def first_sensor(m, offsets, body):
     stick = -1
     for k in range(long(m, offsets.nsensor)):
         is_user = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
-        is_user = is_user and ints(m, offsets.sensor_objtype)[k] == _BODY
-        is_user = is_user and ints(m, offsets.sensor_dim)[k] == _STICKS
-        if is_user and ints(m, offsets.sensor_objid)[k] == body:
+        is_sticks = is_user and ints(m, offsets.sensor_dim)[k] == _STICKS
+        is_of_body = is_sticks and ints(m, offsets.sensor_objtype)[k] == _BODY
+        if is_of_body and ints(m, offsets.sensor_objid)[k] == body:
             stick = k
             break
-    if stick < _BEFORE_STICK or stick + _BEHIND_STICK >= long(m, offsets.nsensor):
+    start, last = stick - _STICK, stick - _STICK + _LAST
+    if start < 0 or last >= long(m, offsets.nsensor):
         return -1
     address = ints(m, offsets.sensor_adr)
     first = address[stick] - SENSOR.stick_col
-    whole = (
-        address[stick - _BEFORE_STICK] == first
-        and address[stick + _BEHIND_STICK] == first + SENSOR.clock
-    )
+    whole = address[start] == first and address[last] == first + SENSOR.clock
     return first if whole else -1
 
 
@@ -396,7 +393,6 @@ _SENSING_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _KINDS = ("GYRO", "ACCELEROMETER", "VELOCIMETER", "FRAMEQUAT", "FRAMEPOS", "GYRO")
 _KINDS += ("USER",) * (len(SENSORS) - 7) + ("CLOCK",)
 _TYPES = [int(getattr(mujoco.mjtSensor, f"mjSENS_{kind}")) for kind in _KINDS]
-_STICK, _GYRO_RATE = (list(SENSORS).index(name) for name in ("stick", "gyro_rate"))
 _GROUPS = 31
 _WHOLE = 1e-6
 _GOLDEN = 0x9E3779B1  # odd, 2^32 over the golden mean (Knuth's multiplicative hash)

@@ -21,11 +21,8 @@ def flip(x, y, z):
 @kernel()
 def euler_angles(xmat):
     """Return roll, pitch and yaw (rad), FRD in NED; xmat: MuJoCo's row-major rotation, (9,)."""
-    sine = min(1.0, max(-1.0, xmat[6]))
-    phi = math.atan2(xmat[7], xmat[8])
-    theta = math.asin(sine)
-    psi = math.atan2(-xmat[3], xmat[0])
-    return phi, theta, psi
+    theta = math.asin(min(1.0, max(-1.0, xmat[6])))
+    return math.atan2(xmat[7], xmat[8]), theta, math.atan2(-xmat[3], xmat[0])
 
 
 @kernel()

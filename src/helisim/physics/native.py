@@ -59,42 +59,40 @@ _logger = logging.getLogger(__name__)
 
 
 @kernel()
-def add_forces(m, d, offsets):
-    """Add the aerodynamic forces of every vehicle: what mjcb_passive does."""
-    examine_new(m, d, offsets, ACTUATION_OFF)
+def for_each_vehicle(m, d, offsets, act):
+    """Call a kernel with a view of every vehicle in a model."""
     for rotor in range(ROTOR, long(m, offsets.nactuator)):
-        if not is_rotor(m, offsets, rotor):
-            continue
-        view = view_of(m, d, offsets, rotor)
-        step = held_for(view)
-        past = flow(view, 0.5 * step)
-        keep_rates(view, past, step)
-        act, is_dynamic = view.act, view.par[PARAM.main_dynamic_inflow] != 0.0
-        if step > 0.0 and is_dynamic:
-            mean = act[STATE.inflow_0] + step * act[STATE.inflow_0_rate]
-            past = flow_later(view, past, mean, 0.5 * step)
-        driven = drive(view, past, step)
-        for k in range(STATE.warming - STATE.speed + 1):
-            act[STATE.speed_rate + k] = driven.rates[k]
-        a = act[STATE.flap_a] + step * act[STATE.flap_a_rate]
-        b = act[STATE.flap_b] + step * act[STATE.flap_b_rate]
-        apply_wrench(view, wrench(view.par, a, b, past, driven.mast))
+        if is_rotor(m, offsets, rotor):
+            act(view_of(m, d, offsets, rotor))
 
 
 @kernel()
-def fly_vehicles(m, d, offsets):
-    """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does."""
-    examine_new(m, d, offsets, 0)
-    for rotor in range(ROTOR, long(m, offsets.nactuator)):
-        if not is_rotor(m, offsets, rotor):
-            continue
-        view = view_of(m, d, offsets, rotor)
-        if view.sensors < 0 or not is_tick(view):
-            continue
-        if view.par[PARAM.pilot_on] != 0.0:
-            fly(view)
-        if view.par[PARAM.gyro_on] != 0.0:
-            controller.command_servos(view)
+def add_forces(view):
+    """Add a vehicle's aerodynamic forces: what mjcb_passive does."""
+    step = held_for(view)
+    past = flow(view, 0.5 * step)
+    keep_rates(view, past, step)
+    act, is_dynamic = view.act, view.par[PARAM.main_dynamic_inflow] != 0.0
+    if step > 0.0 and is_dynamic:
+        mean = act[STATE.inflow_0] + step * act[STATE.inflow_0_rate]
+        past = flow_later(view, past, mean, 0.5 * step)
+    driven = drive(view, past, step)
+    for k in range(STATE.warming - STATE.speed + 1):
+        act[STATE.speed_rate + k] = driven.rates[k]
+    a = act[STATE.flap_a] + step * act[STATE.flap_a_rate]
+    b = act[STATE.flap_b] + step * act[STATE.flap_b_rate]
+    apply_wrench(view, wrench(view.par, a, b, past, driven.mast))
+
+
+@kernel()
+def command(view):
+    """Fly a vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does."""
+    if view.sensors < 0 or not is_tick(view):
+        return
+    if view.par[PARAM.pilot_on] != 0.0:
+        fly(view)
+    if view.par[PARAM.gyro_on] != 0.0:
+        controller.command_servos(view)
 
 
 @kernel()
@@ -161,23 +159,10 @@ def average_servo_rates(par, act, rate, commands, tick, step):
 
 
 @kernel()
-def write_sensors(m, d, offsets, stage):
-    """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
-    if stage != _ACCELERATION_STAGE:
-        return
-    examine_new(m, d, offsets, ACTUATION_OFF | PASSIVE_OFF)
-    for rotor in range(ROTOR, long(m, offsets.nactuator)):
-        if not is_rotor(m, offsets, rotor):
-            continue
-        view = view_of(m, d, offsets, rotor)
-        if view.sensors >= 0:
-            report(view)
-            controller.feel(view)
-
-
-@kernel()
 def report(view):
-    """Write the numbers of a vehicle's own sensors."""
+    """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
+    if view.sensors < 0:
+        return
     act, rate, out = view.act, view.rate, sensor_numbers(view)
     for k in range(CONTROL.rotor):
         out[SENSOR.stick_col + k] = view.controls[k]
@@ -195,6 +180,7 @@ def report(view):
     report_rotors(view, past)
     contact = contact_force(view)
     out[SENSOR.contact_north], out[SENSOR.contact_east], out[SENSOR.contact_down] = contact
+    controller.feel(view)
 
 
 @kernel()
@@ -243,11 +229,13 @@ def _compile(cached: bool) -> dict[str, Any]:
 
     @cfunc(types.void(address, address), **options)
     def passive(m, d):
-        add_forces(m, d, layout)
+        examine_new(m, d, layout, ACTUATION_OFF)
+        for_each_vehicle(m, d, layout, add_forces)
 
     @cfunc(types.void(address, address), **options)
     def control(m, d):
-        fly_vehicles(m, d, layout)
+        examine_new(m, d, layout, 0)
+        for_each_vehicle(m, d, layout, command)
 
     @cfunc(types.float64(address, address, types.int32), **options)
     def act_dyn(m, d, actuator):
@@ -256,7 +244,9 @@ def _compile(cached: bool) -> dict[str, Any]:
 
     @cfunc(types.void(address, address, types.int32), **options)
     def sensor(m, d, stage):
-        write_sensors(m, d, layout, stage)
+        if stage == _ACCELERATION_STAGE:
+            examine_new(m, d, layout, ACTUATION_OFF | PASSIVE_OFF)
+            for_each_vehicle(m, d, layout, report)
 
     @cfunc(types.float64(), **options)
     def time():

@@ -3,7 +3,7 @@
 With sensitivity peak M_S, phase margin is 2 asin(1 / (2 M_S)), gain margin M_S / (M_S - 1).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ _USUAL = 8.0  # rad/s, of a small helicopter; starts of gains are scaled by it
 _STIFFNESS = 10.0  # weight of sensitivity above its peak against response error
 _REACH = 0.01  # allowed excess of the sensitivity's peak: under 0.1 dB of gain margin
 
-
 _YAW_STARTS = {"gyro.k_p": 0.1, "gyro.k_i": 0.3}
 _CYCLIC_STARTS = {
     "gyro.kp_lat": 0.05,
@@ -32,22 +31,7 @@ _CYCLIC_STARTS = {
     _PHASE: 0.3,
 }
 STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}  # setting -> start, SI
-
-
 _RATE = {"lat": "p", "lon": "q", "ped": "r"}
-
-
-@dataclass(frozen=True)
-class Search:
-    """The aim of a search on some axes of IN1, where sensitivity is judged.
-
-    gains: wanted steady rad/s per unit of each stick; bandwidth: w_b, rad/s; starts: of settings.
-    """
-
-    axes: tuple[str, ...]
-    gains: tuple[float, ...]
-    bandwidth: float
-    starts: dict[str, float]
 
 
 def tune_rate_command(vehicle: Vehicle) -> Parameters:
@@ -57,15 +41,15 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
     over `gyro.k_a`. UnknownNameError: one is missing; ModelError: the peak can't be kept.
     """
     own = vehicle.parameters
-    turn = (own["gyro.k_delta"] / own["gyro.k_a"],)
-    yaw = Search(("ped",), turn, own["tuning.yaw_bandwidth"], _YAW_STARTS)
-    roll, pitch = own["gyro.p_per_lat"], own["gyro.q_per_lon"]
-    bandwidth, starts = own["tuning.cyclic_bandwidth"], _cyclic_starts(own)
-    cyclic = Search(("lat", "lon"), (roll, pitch), bandwidth, starts)
-    peak = own["tuning.peak_sensitivity"]
-    settings = {**yaw.starts, **cyclic.starts}
-    for search in (yaw, cyclic):  # whatever the vehicle was tuned to before
-        settings |= _solve(vehicle.with_settings(settings), search, peak)
+    starts = {"yaw": _YAW_STARTS, "cyclic": _cyclic_starts(own)}
+    gains = {
+        "yaw": {"ped": own["gyro.k_delta"] / own["gyro.k_a"]},
+        "cyclic": {"lat": own["gyro.p_per_lat"], "lon": own["gyro.q_per_lon"]},
+    }
+    settings = {**starts["yaw"], **starts["cyclic"]}
+    for axes in starts:  # whatever the vehicle was tuned to before
+        bandwidth = own[f"tuning.{axes}_bandwidth"]
+        settings |= _solve(vehicle.with_settings(settings), gains[axes], bandwidth, starts[axes])
     source = "solved by helisim tune: rate command, peak sensitivity"
     return Parameters(
         {
@@ -89,42 +73,50 @@ def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDAr
     return np.abs(1.0 / (1.0 - vehicle.cut(axis).response(omega)[0, 0]))
 
 
-def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
-    names, starts = list(search.starts), np.array(list(search.starts.values()))
-    omega = np.geomspace(0.1 * search.bandwidth, 4.0 * search.bandwidth, _POINTS)
+def _solve(
+    vehicle: Vehicle, gains: Mapping[str, float], bandwidth: float, starts: Mapping[str, float]
+) -> dict[str, float]:
+    """Return settings for steady gains, rad/s per unit of each stick, and a bandwidth, rad/s."""
+    names, first = list(starts), np.array(list(starts.values()))
+    omega = np.geomspace(0.1 * bandwidth, 4.0 * bandwidth, _POINTS)
     wide = np.geomspace(0.3, 0.99 * np.pi / vehicle.parameters["gyro.period"], 4 * _POINTS)
-
+    peak = vehicle.parameters["tuning.peak_sensitivity"]
     turns = np.array([name == _PHASE for name in names])
 
     def setting(x: NDArray[np.float64]) -> dict[str, float]:
         # a gain never changes its sign, the phase may
-        return dict(zip(names, (starts * np.where(turns, x[:-1], np.abs(x[:-1]))).tolist()))
+        return dict(zip(names, (first * np.where(turns, x[:-1], np.abs(x[:-1]))).tolist()))
 
     def unsafe(tried: Vehicle) -> NDArray[np.float64]:
-        felt = [sensitivity(tried, axis, wide) for axis in search.axes]
+        felt = [sensitivity(tried, axis, wide) for axis in gains]
         return np.maximum(0.0, np.concatenate(felt) - peak)
 
     def far(x: NDArray[np.float64]) -> NDArray[np.float64]:
         tried = vehicle.with_settings(setting(x))
-        error = _error(tried, search, omega, delay=0.01 * x[-1]).ravel() / np.sqrt(_POINTS)
+        error = _error(tried, gains, bandwidth, omega, delay=0.01 * x[-1]) / np.sqrt(_POINTS)
         return np.concatenate([error.real, error.imag, _STIFFNESS * unsafe(tried)])
 
     found = least_squares(far, np.ones(len(names) + 1), max_nfev=_STEPS).x
     over = float(np.max(unsafe(vehicle.with_settings(setting(found)))))
     if over > _REACH:
         raise ModelError(
-            f"no gyro settings keep the sensitivity of {', '.join(search.axes)} below {peak:g}: "
-            f"{peak + over:.2f} is left; ask for less bandwidth than {search.bandwidth:g} rad/s "
+            f"no gyro settings keep the sensitivity of {', '.join(gains)} below {peak:g}: "
+            f"{peak + over:.2f} is left; ask for less bandwidth than {bandwidth:g} rad/s "
             "or a higher peak"
         )
     return setting(found)
 
 
 def _error(
-    vehicle: Vehicle, search: Search, omega: NDArray[np.float64], *, delay: float
+    vehicle: Vehicle,
+    gains: Mapping[str, float],
+    bandwidth: float,
+    omega: NDArray[np.float64],
+    *,
+    delay: float,
 ) -> NDArray[np.complex128]:
-    sticks, rates = [one.upper() for one in search.axes], [_RATE[one] for one in search.axes]
+    sticks, rates = [one.upper() for one in gains], [_RATE[one] for one in gains]
     found = vehicle.linearize("IN2").select(sticks, rates).response(omega)
-    wanted = search.bandwidth / (1j * omega + search.bandwidth) * np.exp(-1j * delay * omega)
-    ratio = found / wanted / np.array(search.gains)[:, None, None]
-    return ratio - np.eye(len(rates))[:, :, None]
+    wanted = bandwidth / (1j * omega + bandwidth) * np.exp(-1j * delay * omega)
+    ratio = found / wanted / np.array(list(gains.values()))[:, None, None]
+    return (ratio - np.eye(len(rates))[:, :, None]).ravel()
