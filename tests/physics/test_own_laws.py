@@ -8,7 +8,7 @@ import helisim as hs
 from helisim.base.errors import CallbackError, ModelError
 from helisim.physics import laws
 from helisim.physics.gyro import cyclic_law, yaw_law
-from helisim.physics.laws import OwnLaw, is_registered, token
+from helisim.physics.laws import OwnLaw, Registered, is_registered, token
 from helisim.physics.layout import HISTORY, INJECTION, PARAM, STATE
 from helisim.vehicle import Controller
 from helisim.vehicle.addresses import addresses
@@ -18,7 +18,9 @@ from tabled import tabled
 
 def test_a_law_is_known_until_it_is_released():
     """By handle, process and count of states; a failure is told once."""
-    law = OwnLaw(lambda seen: (1.0,) * 3, "all", 2, np.zeros(1), None, "short").watched()
+    law = Registered(
+        OwnLaw(lambda seen: (1.0,) * 3, "all", 2, np.zeros(1), None, "short"), watched=True
+    )
     assert is_registered(law.handle, token(), 2)
     for wrong in ((law.handle + 1, token(), 2), (law.handle, 0, 2), (law.handle, token(), 3)):
         assert not is_registered(*wrong)
@@ -54,7 +56,7 @@ NAN = np.nan
 
 @tabled("place", "given", "commands")
 def test_commands_go_to_their_servos_or_are_refused(place, given, commands):
-    law = OwnLaw(lambda seen: given, place, 0, np.zeros(0), None, "own").watched()
+    law = Registered(OwnLaw(lambda seen: given, place, 0, np.zeros(0), None, "own"), watched=True)
     if isinstance(commands, str):
         with pytest.raises(ModelError, match=commands):
             law([0.0] * 18, np.zeros(0), starts=False)
@@ -75,7 +77,7 @@ def test_a_law_is_reset_when_it_starts_and_says_where_it_fails():
     def reset(seen, state):
         state[:] = seen.time
 
-    own = OwnLaw(law, "tail", 2, np.array([1.0, 2.0]), reset, "mine").watched()
+    own = Registered(OwnLaw(law, "tail", 2, np.array([1.0, 2.0]), reset, "mine"), watched=True)
     state, seen = np.array([9.0, 9.0]), [0.5, *[0.0] * 16, 0.25]
     assert own(seen, state, starts=True)[3] == 1.75
     assert own(seen, state, starts=False)[3] == 2.75

@@ -234,11 +234,11 @@ def kinds_of(hint: Any) -> Mapping[str, Any]:
     parts = [one for one in _alternatives(hint) if is_dataclass(one)]
     if len(parts) == 1:
         return vars(parts[0]).get("kinds", {})
-    return {name: one for part in parts for name, one in (kinds_of(part) or _own(part)).items()}
-
-
-def _own(kind: Any) -> dict[str, Any]:
-    return {kind.__name__: kind}
+    return {
+        name: one
+        for part in parts
+        for name, one in (kinds_of(part) or {part.__name__: part}).items()
+    }
 
 
 def value_object(hint: Any) -> Any:
@@ -258,6 +258,13 @@ def check(value: Any, place: str = "") -> None:
         new = convert(hint, old, f"{where}.{name}", limits_of(one))
         if new is not old:
             object.__setattr__(value, name, new)
+
+
+class Checked:
+    """Base of frozen dataclasses that are checked as they are made; see `check`."""
+
+    def __post_init__(self) -> None:
+        check(self)
 
 
 def convert(

@@ -17,14 +17,14 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
 from helisim.sim.flight import begin, generator, steps
-from helisim.sim.ground import FLIPS, Ground
+from helisim.sim.ground import Ground
 from helisim.sim.limits import Contact, FlightEnvelope, broken
 from helisim.sim.plan import Pilot, hover_height
 from helisim.sim.recorder import End, Recorder, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import addresses, root_body
-from helisim.vehicle.trim import Motion, read_motion
+from helisim.vehicle.trim import FLIPS, Motion, read_motion
 
 ASSISTS = {
     "hover": "the sticks command velocities; let go, and it stays",

@@ -4,7 +4,7 @@ import gc
 import hashlib
 from collections.abc import Callable
 from functools import partial
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, TypeVar
 
 import llvmlite.binding
@@ -131,12 +131,11 @@ kernel = partial(
 """Compiled, a division by zero gives infinity, as in C; the flight then counts as diverged."""
 
 
-def fingerprint() -> int:
-    """Return a number of the physics' sources and libraries, part of the key of numba's cache."""
+def fingerprint(*more: Path) -> int:
+    """Return a number of the physics' sources, libraries and more files, for numba's cache."""
     digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__}".encode())
-    for source in sorted(files("helisim.physics").iterdir(), key=lambda file: file.name):
-        if source.name.endswith(".py"):
-            digest.update(source.read_bytes())
+    for source in (*sorted(Path(__file__).parent.glob("*.py")), *more):
+        digest.update(source.read_bytes())
     return int.from_bytes(digest.digest()[:7], "little")
 
 

@@ -7,7 +7,6 @@ the first tick, else 0; commands of front, left, right and tail. A value that is
 import _thread
 import copy
 import ctypes
-import hashlib
 import inspect
 import os
 import threading
@@ -158,13 +157,6 @@ class OwnLaw:
     reset: Any
     name: str
 
-    def watched(self) -> "Registered":
-        """Return the law in the table; how it fails is said where a block of `installed` ends."""
-        one = Registered(self)
-        with LOCK:
-            WATCHED.add(one)
-        return one
-
     def copied(self) -> tuple[Any, Any]:
         """Return function and reset, of a copy if an object; InputError if it can't be copied."""
         if is_native(self.function) or is_compiled(self.function):
@@ -250,9 +242,12 @@ class Called:
 
 
 class Registered(Called):
-    """A law in the process's table until `release`; or InputError."""
+    """A law in the process's table until `release`; or InputError.
 
-    def __init__(self, law: OwnLaw) -> None:
+    How a `watched` one fails is said where a block of `installed` ends.
+    """
+
+    def __init__(self, law: OwnLaw, *, watched: bool = False) -> None:
         super().__init__(law)
         with LOCK:
             if not _free:
@@ -263,6 +258,8 @@ class Registered(Called):
             row[_FUNCTION], row[_SETTINGS] = self.address, self._settings.ctypes.data
             row[_STATES], row[_FAILED] = law.states, 0
             row[_HANDLE] = self.handle
+            if watched:
+                WATCHED.add(self)
 
     def release(self) -> None:
         """Take the law out of the table; whoever still names it is refused."""
@@ -273,15 +270,12 @@ class Registered(Called):
 
     def failure(self) -> Failure | None:
         """Return how the law failed since this was last asked; None if it didn't."""
-        row = _table[self._index]
-        failed = row[_HANDLE] == self.handle and row[_FAILED]
-        if failed:
+        row, failures = _table[self._index], [*self._raised]
+        self._raised.clear()
+        if row[_HANDLE] == self.handle and row[_FAILED]:
             row[_FAILED] = 0
-        if self._raised:
-            first = self._raised[0]
-            self._raised.clear()
-            return first
-        return Failure(_NOT_FINITE, "") if failed else None
+            failures.append(Failure(_NOT_FINITE, ""))
+        return failures[0] if failures else None
 
 
 def raised(error: BaseException) -> Failure:
@@ -397,10 +391,7 @@ class KnownLaw:
 
 @cache
 def _known(function: Any, reset: Any) -> Any:
-    digest = hashlib.sha256(str(fingerprint()).encode())
-    for one in (function, reset):
-        digest.update(Path(inspect.getfile(one)).read_bytes())
-    mark = int.from_bytes(digest.digest()[:7], "little")
+    mark = fingerprint(*(Path(inspect.getfile(one)) for one in (function, reset)))
 
     def compiled(cached: bool) -> Any:
         @cfunc(_SIGNATURE, cache=cached, pipeline_class=CallbackCompiler)

@@ -70,7 +70,7 @@ TIME_TOLERANCE = 1e-9  # s, by which equal times may differ
 @cache
 def offsets() -> Any:
     """Return the byte offset of every field; CallbackError if MuJoCo's structures differ."""
-    model, data, option = map(_structure, ("mjModel", "mjData", "mjOption"))
+    model, data, option = (_ctype(_structure(name)) for name in ("mjModel", "mjData", "mjOption"))
     try:
         found = Offsets(
             *(getattr(model, name).offset for name in _MODEL),
@@ -103,32 +103,26 @@ _SCALARS: dict[str, Any] = {
 }
 
 
-def _structure(name: str) -> type[ctypes.Structure]:
-    return _layout(name, (structs.STRUCTS.get(name) or structs.STRUCTS[f"{name}_"]).fields)
+def _structure(name: str) -> Any:
+    return structs.STRUCTS.get(name) or structs.STRUCTS.get(f"{name}_")
 
 
-def _layout(name: str, fields: Any) -> type[ctypes.Structure]:
-    members = []
-    for index, field in enumerate(fields):
-        label = getattr(field, "name", None) or f"anonymous_{index}"
-        members.append((label, _ctype(getattr(field, "type", field), f"{name}_{label}")))
-    return type(name, (ctypes.Structure,), {"_fields_": members})
-
-
-def _ctype(node: Any, name: str) -> Any:
+def _ctype(node: Any) -> Any:
+    """Return the C type of a node of MuJoCo's introspection, a structure or a field's type."""
     match node:
         case ast_nodes.PointerType():
             return ctypes.c_void_p
         case ast_nodes.ArrayType():
-            element = _ctype(node.inner_type, name)
-            for extent in reversed(node.extents):
-                element = element * extent
-            return element
-        case ast_nodes.AnonymousStructDecl():
-            return _layout(name, node.fields)
-    if node.name in structs.STRUCTS or f"{node.name}_" in structs.STRUCTS:
-        return _structure(node.name)
-    return _SCALARS.get(node.name, ctypes.c_int)  # int and enumerations
+            return _ctype(node.inner_type) * math.prod(node.extents)
+        case ast_nodes.ValueType() if _structure(node.name) is None:
+            return _SCALARS.get(node.name, ctypes.c_int)  # int and enumerations
+        case ast_nodes.ValueType():
+            return _ctype(_structure(node.name))
+    members = [
+        (getattr(field, "name", None) or f"anonymous_{k}", _ctype(getattr(field, "type", field)))
+        for k, field in enumerate(node.fields)
+    ]
+    return type("Structure", (ctypes.Structure,), {"_fields_": members})
 
 
 _PROBE = """
@@ -236,8 +230,7 @@ def is_rotor(m, offsets, actuator):
 @kernel()
 def user_numbers(m, offsets, actuator):
     """Return the user numbers of an actuator; the rotor's are the vehicle's parameters."""
-    stride = long(m, offsets.nuser_actuator)
-    return doubles_from(m, offsets.actuator_user, actuator * stride)
+    return doubles_from(m, offsets.actuator_user, actuator * long(m, offsets.nuser_actuator))
 
 
 @kernel()
@@ -322,8 +315,7 @@ def held_for(view):
 def position_ahead(view, position, ahead):
     """Return a servo's position a time `ahead` (s) from now; its rate stands behind it."""
     limit = view.par[PARAM.servo_rate_limit]
-    rate = view.act[position + 1]
-    return view.act[position] + ahead * min(limit, max(-limit, rate))
+    return view.act[position] + ahead * min(limit, max(-limit, view.act[position + 1]))
 
 
 @kernel()

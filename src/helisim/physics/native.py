@@ -252,8 +252,7 @@ def _compile(cached: bool) -> dict[str, Any]:
     def time():
         return 0.0
 
-    found = (passive, control, act_dyn, sensor, time)
-    return dict(zip((*_HOOKS, _TIMER), found))
+    return dict(zip((*_HOOKS, _TIMER), (passive, control, act_dyn, sensor, time)))
 
 
 @contextmanager

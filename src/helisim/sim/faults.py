@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.settings import check, setting
+from helisim.base.settings import Checked, setting
 from helisim.physics.layout import NEVER, PARAM
 from helisim.records.record import SERVOS, FlightRecord
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServoStuck:
+class ServoStuck(Checked):
     """A servo that runs to a position at a time, s, and sticks there; its commands go on.
 
     The position is unitised; None is where the servo is at that time.
@@ -24,12 +24,9 @@ class ServoStuck:
     at: float = setting(unit="s", low=0.0)
     position: float | None = setting(None, low=-1.0, high=1.0)
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SampleLoss:
+class SampleLoss(Checked):
     """A recorder that now and then writes nothing.
 
     It loses a share of all samples, between 0 and 1, in bursts of so many in a row.
@@ -40,9 +37,6 @@ class SampleLoss:
 
     at: ClassVar[float] = 0.0
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         # bursts may overlap: a sample stays if none of the `burst` places before it starts one
@@ -51,14 +45,11 @@ class SampleLoss:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordGap:
+class RecordGap(Checked):
     """A recorder that writes nothing from a time on, s, for as long as it `lasts`, s."""
 
     at: float = setting(unit="s", low=0.0)
     lasts: float = setting(unit="s", above=0.0)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def apply(self, record: FlightRecord, _: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""

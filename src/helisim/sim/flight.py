@@ -26,7 +26,7 @@ from helisim.records.storage import write_record
 from helisim.sim.excitation import injection, injection_digest
 from helisim.sim.faults import ServoStuck, write_faults
 from helisim.sim.ground import Ground
-from helisim.sim.missions.mission import Mission, Reached, ScriptedPilot
+from helisim.sim.missions.mission import Reached, ScriptedPilot, Start
 from helisim.sim.plan import FlightPlan, Flyable, as_plan
 from helisim.sim.recorder import End, Recorder, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
@@ -120,11 +120,8 @@ def simulate(
             raise trajectory.end.error()
         return trajectory
 
-    return _simulated(vehicle, plan, _numbers(count), kept, seed=seed, jobs=jobs)
-
-
-def _numbers(count: int) -> range:
-    return range(at_least("count", count, 1))
+    numbers = range(at_least("count", count, 1))
+    return _simulated(vehicle, plan, numbers, kept, seed=seed, jobs=jobs)
 
 
 def thread_count(jobs: int | None, name: str = "jobs") -> int:
@@ -150,12 +147,12 @@ def _simulated(
 ) -> Iterator[Result]:
     threads = thread_count(jobs)
     at_least("seed", seed, 0)
-    plan = as_plan(plan)
+    plan = as_plan(plan).on(vehicle)
     vehicle, grounded = _placed(_powered(vehicle, plan), plan)
-    excitation = None if plan.excitation is None else plan.excitation.on(vehicle.parameters)
-    added = None if excitation is None else injection(excitation, vehicle)
-    places = () if excitation is None else excitation.places
-    trim = start_trim(vehicle, plan.mission)
+    added = None if plan.excitation is None else injection(plan.excitation, vehicle)
+    places = () if plan.excitation is None else plan.excitation.places
+    first = Start() if plan.mission is None else plan.mission.start
+    trim = start_trim(vehicle, first.speed)
     # new memory for each flight would cost a fifth of the time: the threads wait for its pages
     size = mujoco.mj_stateSize(grounded, _PHYSICS)
     rows = _step_count(plan, grounded) if plan.mission is None else 0
@@ -163,7 +160,9 @@ def _simulated(
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
         model = prepare(vehicle, plan, seed=seed, number=number, model=grounded)
-        start = start_state(vehicle, plan, grounded, trim, seed=seed, number=number)
+        data, start = mujoco.MjData(grounded), np.empty(size)
+        begin(vehicle, grounded, data, plan.weather, plan.ground, trim, first.height, seed, number)
+        mujoco.mj_getState(grounded, data, start, _PHYSICS)
         flight = fly_from(vehicle, plan, model, start, trim, added=added, state=buffer)
         return then(number, flight.injected(added, places))
 
@@ -244,11 +243,9 @@ def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
 
 
 def _placed(vehicle: Vehicle, plan: FlightPlan) -> tuple[Vehicle, mujoco.MjModel]:
-    if plan.ground is None:
-        vehicle = plan.weather.trimmed(vehicle)
-        return vehicle, vehicle.model
-    vehicle = plan.weather.trimmed(plan.ground.felt_by(vehicle))
-    return vehicle, vehicle.grounded_model(plan.ground.put_into)
+    ground = plan.ground
+    vehicle = plan.weather.trimmed(vehicle if ground is None else ground.felt_by(vehicle))
+    return vehicle, vehicle.model if ground is None else vehicle.grounded_model(ground.put_into)
 
 
 def prepare(
@@ -276,32 +273,14 @@ def prepare(
     return copied
 
 
-def start_trim(vehicle: Vehicle, mission: Mission | None) -> Trim:
-    """Return the steady flight in which a mission, or a hover, begins. Raises TrimError."""
-    trim, speed = vehicle.trim, 0.0 if mission is None else mission.start.speed
+def start_trim(vehicle: Vehicle, speed: float) -> Trim:
+    """Return the steady flight at a speed, m/s, found from slower ones. Raises TrimError."""
+    trim = vehicle.trim
     for k in range(math.ceil(speed / _APART)):
         trim = find_trim(
             vehicle.model, speed=min(speed, (k + 1) * _APART), height=trim.height, near=trim
         )
     return trim
-
-
-def start_state(
-    vehicle: Vehicle,
-    plan: FlightPlan,
-    model: mujoco.MjModel,
-    trim: Trim | None = None,
-    *,
-    seed: int,
-    number: int,
-) -> NDArray[np.float64]:
-    """Return the full physics state in which a flight starts, (n_state,); see `begin`."""
-    data, mission = mujoco.MjData(model), plan.mission
-    height = None if mission is None else mission.start.height
-    begin(vehicle, model, data, plan.weather, plan.ground, trim, height, seed, number)
-    state = np.empty(mujoco.mj_stateSize(model, _PHYSICS))
-    mujoco.mj_getState(model, data, state, _PHYSICS)
-    return state
 
 
 def begin(
@@ -351,7 +330,7 @@ def fly(
     Raises InputError, TrimError if the vehicle can't hover in the wind, or DivergedError, which has
     the record, if a flight left its envelope or its controller failed.
     """
-    numbers = _numbers(count)
+    numbers = range(at_least("count", count, 1))
     if controller != "own":
         vehicle = vehicle.with_controller(controller)
     records = []
@@ -419,10 +398,11 @@ def fly_to(
     to record.
     """
     plan = as_plan(plan).on(vehicle)
-    paths = [Path(folder) / f"{plan.name}_{k + 1:04d}.parquet" for k in _numbers(count)]
+    numbers = range(at_least("count", count, 1))
+    paths = [Path(folder) / f"{plan.name}_{k + 1:04d}.parquet" for k in numbers]
     if there := [path for path in paths if path.exists()]:
         raise InputError(f"{there[0]} is there already: choose another folder, or remove it")
-    flights = fly_each(vehicle, plan, range(count), seed=seed, jobs=jobs, keep_ended=True)
+    flights = fly_each(vehicle, plan, numbers, seed=seed, jobs=jobs, keep_ended=True)
     make_folder(Path(folder))
     ended = {}
     for path, record in zip(paths, flights):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
-from helisim.base.settings import check, from_plain, in_brief, setting
+from helisim.base.settings import Checked, check, from_plain, in_brief, setting
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
@@ -26,21 +26,16 @@ _HEAVIER = 1e6  # mass of a deck over that of who lands on it: what the landing 
 _SETTLING = 2.0  # s, in which a vehicle comes to rest on its landing gear
 _AXES = {"heave": (0.0, 0.0, 1.0), "pitch": (0.0, -1.0, 0.0), "roll": (1.0, 0.0, 0.0)}
 """A deck's freedoms, the outermost first, and each one's axis, north-west-up."""
-FLIPS = np.outer(flip(1.0, 1.0, 1.0), flip(1.0, 1.0, 1.0))
-"""Times a rotation (3, 3) in MuJoCo's axes: from body (FRD) to earth (NED) axes."""
 _COLOURS = {"deck": (0.33, 0.34, 0.35, 1.0), "ground": (0.37, 0.46, 0.32, 1.0)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swing:
+class Swing(Checked):
     """A harmonic motion, amplitude x sin(2 pi t / period + phase); the amplitude in m or rad."""
 
     amplitude: float
     period: float = setting(8.0, unit="s", above=0.0)
     phase: float = setting(0.0, unit="rad")
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def frequency(self) -> float:

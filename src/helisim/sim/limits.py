@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.settings import check, setting, setting_names
+from helisim.base.settings import Checked, setting, setting_names
 from helisim.records.record import IN2, SERVOS
 from helisim.sim.ground import Ground, Outline, outline
 from helisim.sim.recorder import End, Trajectory
@@ -26,7 +26,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightEnvelope:
+class FlightEnvelope(Checked):
     """Limits beyond which a flight is terminated early; None for any lets it go on.
 
     Attributes:
@@ -55,9 +55,6 @@ class FlightEnvelope:
     advance: float | None = setting(0.3, above=0.0)
     charge: float | None = setting(0.0, low=0.0, high=1.0, unsaid=True)
     saturation: float | None = setting(1.0, unit="s", above=0.0, high=_WINDOW)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @classmethod
     def off(cls) -> "FlightEnvelope":

@@ -34,9 +34,11 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import (
+    Checked,
     check,
     from_plain,
     in_brief,
+    placed,
     setting,
     setting_names,
     to_plain,
@@ -71,7 +73,7 @@ def hover_height(model: mujoco.MjModel) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pilot:
+class Pilot(Checked):
     """A pilot who holds the place of the start, with a remnant: small random stick movements.
 
     `remnant` is their rms at each stick, unitised. Their spectrum is flat up to about
@@ -80,9 +82,6 @@ class Pilot:
 
     remnant: float = setting(0.003, low=0.0, high=0.5)
     remnant_interval: float = setting(0.1, unit="s", above=0.0)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def write(
         self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float
@@ -157,7 +156,8 @@ class FlightPlan(Displayed):
     @cached_property
     def digest(self) -> str:
         """Digest of every setting: equal plans have one."""
-        text = json.dumps(_as_floats(self.to_dict()), sort_keys=True)
+        plain = json.loads(json.dumps(self.to_dict()), parse_int=float)  # 2 is 2.0
+        text = json.dumps(plain, sort_keys=True)
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
     def on(self, vehicle: Vehicle) -> "FlightPlan":
@@ -185,8 +185,7 @@ class FlightPlan(Displayed):
         kept = dict(record.provenance)
         if "excitation" not in kept and "mission" not in kept:
             raise InputError("the record's provenance has no flight plan: helisim didn't fly it")
-        plan = {name: kept[name] for name in setting_names(cls) if name in kept}
-        return cls.from_dict(plan)
+        return cls.from_dict({name: kept[name] for name in setting_names(cls) if name in kept})
 
     def to_toml(self) -> str:
         """Return the plan as the text of a plan file."""
@@ -216,22 +215,11 @@ def as_plan(flown: Flyable) -> FlightPlan:
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:
     """Read a plan file (TOML); see `helisim.sim.plan`. Raises StorageError or InputError."""
-    content = read_toml(path)
-    try:
-        return FlightPlan.from_dict(content)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    with placed(path):
+        return FlightPlan.from_dict(read_toml(path))
 
 
 def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
     """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
     with atomic_write(path) as temporary:
         temporary.write_text(plan.to_toml(), encoding="utf-8")
-
-
-def _as_floats(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _as_floats(value) for key, value in data.items()}
-    if isinstance(data, list):
-        return list(map(_as_floats, data))
-    return float(data) if isinstance(data, int) and not isinstance(data, bool) else data

@@ -69,8 +69,10 @@ class End:
 
     def error(self) -> DivergedError:
         """Return the error of a flight that ended so."""
-        change = "fly a smaller amplitude, a narrower band or a mission with other settings"
-        change = f"{change}, or check the gyro's gains"
+        change = (
+            "fly a smaller amplitude, a narrower band or a mission with other settings, or check "
+            "the gyro's gains"
+        )
         if "emptied its battery" in self.why:
             change = "fly for a shorter time, or give battery.capacity or battery.charge more"
         advice = f"; {change}" if self.traceback is None else ""
@@ -338,15 +340,13 @@ class Recorder:
         flight = trajectory.at_ticks()  # so that a record doesn't depend on the time step
         sampling = _Sampling(self, flight, rng)
         columns = sampling.inputs() | sampling.motion()
-        if flight.rotor_speed is not None:
-            columns |= sampling.recorded(ROTOR_SPEED, flight.rotor_speed)
-        if flight.battery is not None:
-            columns |= sampling.recorded(BATTERY, flight.battery)
-        if flight.load is not None:
-            columns |= sampling.recorded(LOAD, flight.load)
-        for names, source in _TRUE.items() if self.rotor else ():
-            if names != CONTACT or flight.ground is not None:
-                columns |= sampling.recorded(names, source(flight))
+        own = {ROTOR_SPEED: flight.rotor_speed, BATTERY: flight.battery, LOAD: flight.load}
+        true = {names: source(flight) for names, source in _TRUE.items() if self.rotor}
+        if flight.ground is None:
+            true.pop(CONTACT, None)
+        for names, signals in (own | true).items():
+            if signals is not None:
+                columns |= sampling.recorded(names, signals)
         columns |= sampling.injected(columns)
         kept = tuple(one for name, one in CHANNELS.items() if name in columns)
         values = np.column_stack([columns[one.name] for one in kept])
@@ -359,9 +359,9 @@ class _Sampling:
         lasts = flight.time[-1] - flight.time[0]
         count = int(np.floor(lasts * recorder.rate_hz + 1e-6)) + 1
         self.time = flight.time[0] + np.arange(count) / recorder.rate_hz
-        rate_hz, self._sos = 1.0 / flight.timestep, None
-        if recorder.antialias_hz < 0.5 * rate_hz:
-            self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
+        rate_hz, corner = 1.0 / flight.timestep, recorder.antialias_hz
+        passes = corner >= 0.5 * rate_hz
+        self._sos = None if passes else butter(4, corner, fs=rate_hz, output="sos")
 
     def inputs(self) -> dict[str, _Array]:
         flight = self.flight

@@ -19,7 +19,7 @@ from helisim.physics import pilot
 from helisim.physics.gyro import held_lag
 from helisim.physics.motion import flip
 from helisim.records.record import FlightRecord, made_by
-from helisim.sim.flight import roll
+from helisim.sim.flight import at_least, roll
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.vehicle import Vehicle
@@ -88,12 +88,9 @@ def drive(
 
     The test returns what is commanded, (n_time,), at times in s; the duration is in s.
     """
-    control = np.zeros((round(duration / held.model.opt.timestep) + 1, held.model.nu))
-    time = np.arange(len(control)) * held.model.opt.timestep
-    control[:, held.model.actuator(actuator).id] = test(time)
     rig = "turntable" if actuator == "drive" else "bench"
     what = {"moves": actuator, "duration": duration}
-    return _record(held, "mounted", control, rig, what, seed, recorder)
+    return _record(held, "mounted", rig, what, seed, recorder, test)
 
 
 def hang(
@@ -105,12 +102,9 @@ def hang(
     recorder: Recorder | None = None,
 ) -> FlightRecord:
     """Hang a helicopter by one of `suspension_points` for some s. Raises UnknownNameError."""
-    points = suspension_points(held)
-    check_known("suspension point", [point], points)
-    still = np.zeros((round(duration / held.model.opt.timestep) + 1, held.model.nu))
-    return _record(
-        held, point, still, "suspension", {"point": point, "duration": duration}, seed, recorder
-    )
+    check_known("suspension point", [point], suspension_points(held))
+    what = {"point": point, "duration": duration}
+    return _record(held, point, "suspension", what, seed, recorder)
 
 
 def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
@@ -122,15 +116,18 @@ def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
 def _record(
     held: Vehicle,
     key: str,
-    control: NDArray[np.float64],
     rig: str,
     what: dict[str, Any],
     seed: int,
     recorder: Recorder | None,
+    test: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> FlightRecord:
-    if not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
+    at_least("seed", seed, 0)
     recorder, model = recorder or Recorder.of(held), held.model
+    time = np.arange(round(what["duration"] / model.opt.timestep) + 1) * model.opt.timestep
+    control = np.zeros((time.size, model.nu))
+    if test is not None:
+        control[:, model.actuator(what["moves"]).id] = test(time)
     data, physics = mujoco.MjData(model), mujoco.mjtState.mjSTATE_FULLPHYSICS
     mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     start = np.empty(mujoco.mj_stateSize(model, physics))
@@ -377,36 +374,31 @@ def bench_test(vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = N
 
     The answer is a jump of k_p k_delta and a ramp of k_I k_delta. Raises RecordError at a limit.
     """
-    given: dict[str, Any] = {"seed": seed, "recorder": recorder}
-    lasts = _APART + 2 * len(_STEPS) * (_HELD + _APART)
-    record = drive(hold(vehicle, "bench"), "PED", pedal_steps, duration=lasts, **given)
+    held, lasts = hold(vehicle, "bench"), _APART + 2 * len(_STEPS) * (_HELD + _APART)
+    record = drive(held, "PED", pedal_steps, duration=lasts, seed=seed, recorder=recorder)
     _check_servo(record)
     found = loop_gains(record, input="PED", output="servo_tail", band=_STEP_BAND)
-    p, i, off = found.proportional, found.integral, found.errors
-    p_error, i_error = off["proportional"], off["integral"]
-    true = vehicle.parameters
-    k_p, k_i = true["gyro.k_p"], true["gyro.k_i"]
+    p, i, off, true = found.proportional, found.integral, found.errors, vehicle.parameters
+    k_p, k_i, late = true["gyro.k_p"], true["gyro.k_i"], true["gyro.ped_latency"]
     k_delta = true["gyro.k_delta"]  # read off the gyro, as on a real bench
     over = f"over k_delta = {k_delta:g}"
-    jump, slope = (
-        f"{one} of the tail servo's command over the pedal step" for one in ("jump", "slope")
+    hows = (
+        "not measured: as the gyro shows its setting",
+        "jump of the tail servo's command over the pedal step",
+        "slope of the tail servo's command over the pedal step",
+        "slope over jump: no other gain is in it",
+        f"jump {over}, which the bench does not give",
+        f"slope {over}",
+        "pedal stick to tail servo command",
     )
-    ratio, missing = "slope over jump: no other gain is in it", "which the bench does not give"
     findings = (
-        Finding("k_delta", "1", k_delta, how="not measured: as the gyro shows its setting"),
-        Finding("k_p k_delta", "1", p, k_p * k_delta, p_error, jump),
-        Finding("k_I k_delta", "1/s", i, k_i * k_delta, i_error, slope),
-        Finding("k_I / k_p", "1/s", found.ratio, k_i / k_p, how=ratio),
-        Finding("k_p", "1", p / k_delta, k_p, p_error / k_delta, f"jump {over}, {missing}"),
-        Finding("k_I", "1/s", i / k_delta, k_i, i_error / k_delta, f"slope {over}"),
-        Finding(
-            "delay",
-            "s",
-            found.delay,
-            true["gyro.ped_latency"],
-            off["delay"],
-            "pedal stick to tail servo command",
-        ),
+        Finding("k_delta", "1", k_delta, how=hows[0]),
+        Finding("k_p k_delta", "1", p, k_p * k_delta, off["proportional"], hows[1]),
+        Finding("k_I k_delta", "1/s", i, k_i * k_delta, off["integral"], hows[2]),
+        Finding("k_I / k_p", "1/s", found.ratio, k_i / k_p, how=hows[3]),
+        Finding("k_p", "1", p / k_delta, k_p, off["proportional"] / k_delta, hows[4]),
+        Finding("k_I", "1/s", i / k_delta, k_i, off["integral"] / k_delta, hows[5]),
+        Finding("delay", "s", found.delay, late, off["delay"], hows[6]),
     )
     return RigTest(rig="bench", findings=findings)
 
@@ -425,8 +417,7 @@ def turntable_test(
     Raises RecordError: the tail servo ran into its limit.
     """
     recorder, held = recorder or Recorder.of(vehicle), hold(vehicle, "turntable")
-    given: dict[str, Any] = {"seed": seed, "recorder": recorder}
-    record = drive(held, "drive", table_sweep, duration=_TURNED, **given)
+    record = drive(held, "drive", table_sweep, duration=_TURNED, seed=seed, recorder=recorder)
     _check_servo(record)
     found = loop_gains(
         record, input="r", output="servo_tail", band=_TABLE_BAND, noisy_input=True, lead=True
@@ -438,8 +429,10 @@ def turntable_test(
     ratio, late = true["gyro.k_i"] / true["gyro.k_p"], recorder.late("r") - true["gyro.latency"]
     by_i = _ratio_error(i, off["integral"], k_i)
     by_p = _ratio_error(p, off["proportional"], k_p)
-    over, parts = "part over the bench's", ("ped / r, proportional part", "ped / r, integral part")
+    over = "part over the bench's"
     hows = (
+        "ped / r, proportional part",
+        "ped / r, integral part",
         "the bench's ratio once more, from another test",
         f"integral {over} k_I = {k_i.value:.5g}",
         f"proportional {over} k_p = {k_p.value:.5g}",
@@ -448,14 +441,14 @@ def turntable_test(
         "by how much the rate is recorded late, beside the servo command it causes",
     )
     findings = (
-        Finding("k_p k_a", "s", -p, true["gyro.k_p"] * k_a, off["proportional"], parts[0]),
-        Finding("k_I k_a", "1", -i, true["gyro.k_i"] * k_a, off["integral"], parts[1]),
-        Finding("k_I / k_p", "1/s", found.ratio, ratio, how=hows[0]),
-        Finding("k_a", "s", -i / k_i.value, k_a, by_i, hows[1]),
-        Finding("k_a by k_p", "s", -p / k_p.value, k_a, by_p, hows[2]),
-        Finding("lead", "s", found.lead, true["gyro.lead"], off["lead"], hows[3]),
-        Finding("lead_filter", "s", found.lead_filter, lag, off["lead_filter"], hows[4]),
-        Finding("tau_r", "s", -found.delay, late, off["delay"], hows[5]),
+        Finding("k_p k_a", "s", -p, true["gyro.k_p"] * k_a, off["proportional"], hows[0]),
+        Finding("k_I k_a", "1", -i, true["gyro.k_i"] * k_a, off["integral"], hows[1]),
+        Finding("k_I / k_p", "1/s", found.ratio, ratio, how=hows[2]),
+        Finding("k_a", "s", -i / k_i.value, k_a, by_i, hows[3]),
+        Finding("k_a by k_p", "s", -p / k_p.value, k_a, by_p, hows[4]),
+        Finding("lead", "s", found.lead, true["gyro.lead"], off["lead"], hows[5]),
+        Finding("lead_filter", "s", found.lead_filter, lag, off["lead_filter"], hows[6]),
+        Finding("tau_r", "s", -found.delay, late, off["delay"], hows[7]),
     )
     return RigTest(rig="turntable", findings=findings)
 

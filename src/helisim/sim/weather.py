@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.base.settings import check, setting
+from helisim.base.settings import Checked, check, setting
 from helisim.base.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.physics import air as law
 from helisim.physics.layout import PARAM
@@ -27,7 +27,7 @@ _STORM = 150.0  # m/s: the strongest winds of tornadoes; the filters' numbers st
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gust:
+class Gust(Checked):
     """A discrete "1 - cosine" gust (MIL-F-8785C, section 3.7.1.3).
 
     `north`, `east` and `down` are the air's velocity at full strength, m/s. It begins at `start`,
@@ -40,9 +40,6 @@ class Gust:
     start: float = setting(5.0, unit="s")
     rise: float = setting(1.0, unit="s", above=0.0)
     hold: float = setting(0.0, unit="s", low=0.0)
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,6 @@ from helisim.vehicle.parameters import (
     mjcf_file,
     model_folder,
     rig_file,
-    scene_file,
 )
 from helisim.vehicle.slung import sling
 from helisim.vehicle.swashplate import PLATE, Swashplate, TipPathPlane, with_both
@@ -58,8 +57,7 @@ _BATTERY = ("cells", "capacity", "charge", "resistance", "polarisation", "lag", 
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     """Return the force laws' numbers, (n_param,) by `PARAM`; ModelError on an impossible value."""
-    parameters = completed(parameters)
-    parameters = with_both(parameters)
+    parameters = with_both(completed(parameters))
     for timing in ("gyro.period", "gyro.latency", "gyro.ped_latency"):
         if not parameters[timing] <= _LONGEST:
             raise ModelError(f"{timing} is {parameters[timing]:g} s, at most {_LONGEST:g} s")
@@ -76,8 +74,8 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         block[PARAM.drive_resistance] -= parameters["battery.resistance"]
     tilt = parameters["main_rotor.shaft_tilt"]
     block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
-    x, z = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
-    block[PARAM.hub_x], block[PARAM.hub_z] = _in_shaft(parameters, x, z)
+    hub = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
+    block[[PARAM.hub_x, PARAM.hub_z]] = _in_shaft(parameters, *hub)
     _write_surfaces(parameters, block)
     for rotor in ("main", "tail"):
         blade, chord, radius = (
@@ -106,10 +104,12 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         for rate in ("pitch_rate", "aileron_rate", "elevator_rate")
     )
     block[PARAM.gyro_collective] = col
-    for stick, travel in (("lat", lat), ("lon", lon)):
-        for answer in ("p", "q"):
-            commanded = parameters[f"gyro.{answer}_per_{stick}"] * travel
-            block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
+    block[PARAM.gyro_p_per_lat : PARAM.gyro_q_per_lon + 1] = [
+        parameters["gyro.p_per_lat"] * lat,
+        parameters["gyro.p_per_lon"] * lon,
+        parameters["gyro.q_per_lat"] * lat,
+        parameters["gyro.q_per_lon"] * lon,
+    ]
     write_gyro_filters(
         block,
         period=parameters["gyro.period"],
@@ -281,8 +281,9 @@ def assemble(
     if integrator not in (None, *_INTEGRATORS):
         raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
     folder = model_folder(vehicle)
-    path = (scene_file(folder) if visual else None) or mjcf_file(folder)
-    path = path if rig is None else rig_file(folder, rig)
+    path = mjcf_file(folder) if rig is None else rig_file(folder, rig)
+    if visual and (folder / "scene.xml").is_file():
+        path = folder / "scene.xml"
     block = force_law_block(parameters)
     with _named(path):
         spec = mujoco.MjSpec.from_file(str(path))

@@ -138,8 +138,11 @@ def _changes(folder: Path) -> Iterator[Change]:
             numbers |= dict(zip(("delay", "nsample"), map(np.array, delays)))
         yield Change.to(_found(path, found, "general", role), numbers)
     seen = spec.sensor("gyro_rate")
-    timing = {"interval": np.asarray(seen.interval), "nsample": [seen.nsample]}
-    timing["delay"] = [seen.delay] if seen.delay else []
+    timing = {
+        "interval": np.asarray(seen.interval),
+        "nsample": [seen.nsample],
+        "delay": [seen.delay] if seen.delay else [],
+    }
     yield Change.to(_found(path, found, "gyro", "gyro_rate"), timing)
     fuselage = _found(path, found, "body", "fuselage")
     own = takewhile(lambda one: one.tag != "body", found[found.index(fuselage) + 1 :])
@@ -147,12 +150,11 @@ def _changes(folder: Path) -> Iterator[Change]:
     if inertial is None:
         raise ModelError(f'{fuselage.place} needs <inertial pos=".." mass=".." fullinertia=".."/>')
     yield Change.to(inertial, {"fullinertia": np.asarray(spec.body("fuselage").fullinertia)})
-    data = vehicle.hovering()
+    data, hover = vehicle.hovering(), _found(path, found, "key", "hover")
     moving = data.qvel if np.any(data.qvel) else np.array([])
-    hover = {"qpos": data.qpos, "qvel": moving, "ctrl": data.ctrl, "act": data.act}
-    rounded = {name: np.round(kept, _DECIMALS) for name, kept in hover.items()}
-    element = _found(path, found, "key", "hover")
-    yield Change.to(element, rounded, solved=10.0 * 10.0**-_DECIMALS)
+    state = {"qpos": data.qpos, "qvel": moving, "ctrl": data.ctrl, "act": data.act}
+    rounded = {name: np.round(kept, _DECIMALS) for name, kept in state.items()}
+    yield Change.to(hover, rounded, solved=10.0 * 10.0**-_DECIMALS)
 
 
 def _found(path: Path, among: Sequence[Element], tag: str, name: str) -> Element:

@@ -5,7 +5,7 @@ Wu and Chen's equations (1), (8), (10); starts of Padfield, Helicopter Flight Dy
 
 import math
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -17,7 +17,14 @@ from helisim.base.errors import InputError, ModelError
 from helisim.physics.rotor import mean_square_lift
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
-from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, glossary, untuned
+from helisim.vehicle.parameters import (
+    Parameters,
+    PhysicalParameter,
+    check_values,
+    completed,
+    glossary,
+    untuned,
+)
 from helisim.vehicle.swashplate import (
     INERTIA,
     Flapping,
@@ -197,14 +204,11 @@ UNITS = {name: glossary()["targets." + name].unit for name in DIRECT + SOLVED}
 
 def stated_targets(given: Parameters) -> Parameters:
     """Return a vehicle's stated derivatives by name; ModelError on a sign that none can have."""
-    found = {}
-    for key, unit in UNITS.items():
-        if "targets." + key in given:
-            entry = given.entry("targets." + key)
-            if fault := glossary()["targets." + key].fault(entry.value):
-                raise ModelError(fault)
-            found[key] = PhysicalParameter(key, entry.value, unit, entry.source)
-    return Parameters(found)
+    found = {key: given.entry(f"targets.{key}") for key in UNITS if f"targets.{key}" in given}
+    check_values({entry.name: entry.value for entry in found.values()})
+    return Parameters(
+        {key: replace(entry, name=key, unit=UNITS[key]) for key, entry in found.items()}
+    )
 
 
 def lacking(targets: Mapping[str, float], given: Container[str]) -> list[str]:

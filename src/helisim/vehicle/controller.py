@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError, ModelError
-from helisim.base.settings import Value
+from helisim.base.settings import Value, convert
 from helisim.physics import laws
 from helisim.physics.laws import (
     Failure,
@@ -95,13 +95,9 @@ class Controller(Value):
         own = self._own()
         for law in (*own.values(), *filter(None, [self.reset])):
             _check_law(law)
-        try:
-            settings = np.array(self.settings, dtype=np.float64)
-        except (TypeError, ValueError):
-            settings = np.array(np.nan)
-        if settings.ndim != 1 or not np.all(np.isfinite(settings)):
+        settings = convert(NDArray[np.float64], self.settings, "settings")
+        if settings.ndim != 1:
             raise InputError(f"settings must be a list of finite numbers, got {settings}")
-        settings.setflags(write=False)
         object.__setattr__(self, "settings", settings)
         for count in (self.states, *(getattr(law, "states", None) for law in own.values())):
             if count is not None and not (isinstance(count, int) and 0 <= count <= _MOST):
@@ -210,7 +206,7 @@ class Controller(Value):
 
     def put_into(self, model: mujoco.MjModel) -> None:
         """Put it into a vehicle's model while it exists; raises ModelError (room) or InputError."""
-        registered = [law.watched() for law in self.laws]
+        registered = [Registered(law, watched=True) for law in self.laws]
         for one in registered:
             weakref.finalize(model, one.release).atexit = False
         self._write(model, "", registered)
@@ -266,15 +262,14 @@ def set_controller(model: mujoco.MjModel, controller: ControllerLike, *, prefix:
     if not isinstance(prefix, str):
         raise InputError(f"prefix must be a text such as 'a/', got {prefix!r:.80}")
     chosen = as_controller(controller)
-    registered = [law.watched() for law in chosen.laws]
+    registered = [Registered(law, watched=True) for law in chosen.laws]
     _kept.extend(registered)
     chosen._write(model, prefix, registered)
 
 
 def law_room(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return for how many states of control laws there is room in a model."""
-    kept = int(model.actuator_actnum[addresses(model, prefix).rotor])
-    return (kept - WITHOUT_LAWS) // 2
+    return (int(model.actuator_actnum[addresses(model, prefix).rotor]) - WITHOUT_LAWS) // 2
 
 
 def _source_digest(*functions: Any) -> str:

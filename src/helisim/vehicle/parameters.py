@@ -72,12 +72,6 @@ def mjcf_file(folder: Path) -> Path:
     )
 
 
-def scene_file(folder: Path) -> Path | None:
-    """Return the MJCF of the vehicle in its scene, scene.xml; None without."""
-    path = folder / "scene.xml"
-    return path if path.is_file() else None
-
-
 def rig_names(vehicle: str | os.PathLike[str]) -> tuple[str, ...]:
     """Return the names of the rigs that can hold a vehicle on the ground."""
     return tuple(sorted(path.stem for path in (model_folder(vehicle) / "rigs").glob("*.xml")))
@@ -163,11 +157,6 @@ def glossary() -> Mapping[str, Term]:
     return MappingProxyType(terms)
 
 
-def sections() -> tuple[str, ...]:
-    """Return the sections of the glossary."""
-    return tuple(dict.fromkeys(name.split(".")[0] for name in glossary()))
-
-
 def term(name: str) -> Term | None:
     """Return what a parameter is, None if no vehicle has one of that name."""
     return glossary().get(name) or glossary().get(f"{name.split('.')[0]}.*")
@@ -202,20 +191,15 @@ class PhysicalParameter:
     source: str
 
 
-def name_fault(name: str) -> str:
-    """Return what is wrong with a parameter's name, "" if nothing; other sections are allowed."""
-    section, _, key = name.partition(".")
-    if section not in sections() or term(name):
-        return ""
-    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
-    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
-
-
 def entry_of(name: str, item: Any) -> PhysicalParameter:
-    """Return a parameter from its table of value, unit and source; InputError if it is none."""
-    known = term(name)
-    if fault := name_fault(name):
-        raise InputError(fault)
+    """Return a parameter from its table of value, unit and source; InputError if it is none.
+
+    Sections that the glossary doesn't have are allowed.
+    """
+    known, (section, _, key) = term(name), name.partition(".")
+    keys = [one.split(".")[1] for one in glossary() if one.startswith(f"{section}.")]
+    if keys and not known:
+        raise UnknownNameError(f"parameter of [{section}]", key, keys)
     if not isinstance(item, Mapping) or not {"value", "unit", "source"} <= set(item):
         unit = known.unit if known else "1"
         example = f'{{ value = 1.0, unit = "{unit}", source = "measured" }}'

@@ -55,9 +55,8 @@ def sensed_base(
         raise ModelError("the gyro's latency must be a whole number of its periods")
     feels = any(name in ACCELERATIONS for name in gyro.inputs)
     rows = dict(zip(OUTPUTS, zip(base.c, base.d)))
-    seen = {name: rows[name] for name in OUTPUTS}
     places = dict(zip(base.states, np.eye(len(base.a))))
-    seen |= {name: (places[f"{name}_position"], np.zeros(4)) for name in _SERVOS}
+    seen = rows | {name: (places[f"{name}_position"], np.zeros(4)) for name in _SERVOS}
     if feels:
         x, y, z = imu
         turning = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # d(rates)/dt x place

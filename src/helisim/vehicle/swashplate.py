@@ -238,8 +238,15 @@ REDUCTION = "flapping.lock_reduction"
 
 INSTEAD = {TIME_CONSTANT: (INERTIA,)}  # needed parameter -> others that may be given in its place
 
-_AIR = ("air.density", "main_rotor.lift_slope", "main_rotor.chord", REDUCTION, INERTIA)
-_FELT = (*_AIR, "main_rotor.radius", "main_rotor.speed")
+_FELT = (
+    "air.density",
+    "main_rotor.lift_slope",
+    "main_rotor.chord",
+    "main_rotor.radius",
+    "main_rotor.speed",
+    REDUCTION,
+    INERTIA,
+)
 """Parameters that change what the blade's springs and inertia make of [flapping]."""
 _SAME = 1e-6  # relative difference up to which both agree
 _FOLLOWS = "follows from "

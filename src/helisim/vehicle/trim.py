@@ -44,9 +44,8 @@ def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]
     return Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()
 
 
-def _flip_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    signs = np.array(flip(1.0, 1.0, 1.0))
-    return signs[:, None] * matrix * signs
+FLIPS = np.outer(flip(1.0, 1.0, 1.0), flip(1.0, 1.0, 1.0))
+"""Times a rotation (3, 3) in MuJoCo's axes: from body (FRD) to earth (NED) axes."""
 
 
 def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> None:
@@ -54,14 +53,14 @@ def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> 
     u, v, w, p, q, r, phi, theta, psi, north, east, down = vars(motion).values()
     earth = rotation_matrix(phi, theta, psi)
     data.qpos[:3] = flip(north, east, down)
-    data.qpos[3:7] = Rotation.from_matrix(_flip_matrix(earth)).as_quat(scalar_first=True)
+    data.qpos[3:7] = Rotation.from_matrix(FLIPS * earth).as_quat(scalar_first=True)
     data.qvel[:3] = flip(*(earth @ [u, v, w]))
     data.qvel[3:6] = flip(p, q, r)
 
 
 def read_motion(data: mujoco.MjData) -> Motion:
     """Return the motion of a vehicle with a free joint, as `write_motion` writes it."""
-    earth = _flip_matrix(Rotation.from_quat(data.qpos[3:7], scalar_first=True).as_matrix())
+    earth = FLIPS * Rotation.from_quat(data.qpos[3:7], scalar_first=True).as_matrix()
     psi, theta, phi = Rotation.from_matrix(earth).as_euler("ZYX")
     u, v, w = earth.T @ flip(*data.qvel[:3])
     rest = (*flip(*data.qvel[3:6]), phi, theta, psi, *flip(*data.qpos[:3]))
@@ -249,8 +248,7 @@ def place(
 
 def steady_force(model: mujoco.MjModel, trim: Trim) -> NDArray[np.float64]:
     """Return the specific force in a steady flight, m/s^2, body axes (FRD), (3,)."""
-    level = rotation_matrix(trim.phi, trim.theta, 0.0)
-    return level.T @ -np.array(flip(*model.opt.gravity))
+    return rotation_matrix(trim.phi, trim.theta, 0.0).T @ -np.array(flip(*model.opt.gravity))
 
 
 def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:

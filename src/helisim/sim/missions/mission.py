@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.settings import Value, check, setting
+from helisim.base.settings import Checked, Value, setting
 from helisim.physics.laws import Failure, raised
 from helisim.physics.layout import (
     HANDS_OFF_ROTOR,
@@ -36,13 +36,13 @@ from helisim.physics.layout import (
 )
 from helisim.physics.motion import flip
 from helisim.sim.excitation import check_plain, register
-from helisim.sim.ground import FLIPS, Ground, outline
+from helisim.sim.ground import Ground, outline
 from helisim.sim.limits import point_heights
 from helisim.sim.missions.autopilot import Autopilot, OuterLoop, Sight
 from helisim.sim.recorder import Script, Trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import addresses
-from helisim.vehicle.trim import Motion, Trim
+from helisim.vehicle.trim import FLIPS, Motion, Trim
 
 MISSIONS: dict[str, type["Mission"]] = {}
 """Every mission by the name of its class; subclasses join on their definition."""
@@ -59,7 +59,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mission:
+class Mission(Checked):
     """A flight by a script, ended after `duration`, s; subclass it to fly your own."""
 
     duration: float = setting(unit="s", low=1.0, high=1e6)
@@ -75,9 +75,6 @@ class Mission:
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         register(cls, MISSIONS, "a mission")
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def name(self) -> str:
@@ -201,14 +198,11 @@ class ScriptedPilot:
         matrix = np.empty(9)
         mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
         turn = FLIPS * matrix.reshape(3, 3)
-        v_north, v_east, v_down = flip(*data.qvel[:3].tolist())
-        u, v, w = (np.array((v_north, v_east, v_down)) @ turn).tolist()
-        p, q, r = flip(*data.qvel[3:6].tolist())
         (xx, _, _), (yx, _, _), (zx, zy, zz) = turn.tolist()
-        phi, psi = math.atan2(zy, zz), math.atan2(yx, xx)
-        theta = -math.asin(min(1.0, max(-1.0, zx)))
-        north, east, down = place = flip(*data.qpos[:3].tolist())
-        motion = Motion(u, v, w, p, q, r, phi, theta, psi, north, east, down)
+        angles = math.atan2(zy, zz), -math.asin(min(1.0, max(-1.0, zx))), math.atan2(yx, xx)
+        velocity, place = flip(*data.qvel[:3].tolist()), flip(*data.qpos[:3].tolist())
+        through = (np.array(velocity) @ turn).tolist()
+        motion = Motion(*through, *flip(*data.qvel[3:6].tolist()), *angles, *place)
         points = self._points @ turn.T
         if self._uneven is None:
             lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
@@ -217,13 +211,10 @@ class ScriptedPilot:
             points += place
             above = self._uneven.heights(np.array([data.time]), points[None])[0]
             clearance = float((above - self._radii).min(initial=math.inf))
+        where, speed = self._where, data.ctrl[self._where.control + ROTOR]
         if self._par[PARAM.drive_governor]:
-            rotor = float(data.act[self._where.state + STATE.speed])
-        else:
-            rotor = float(data.ctrl[self._where.control + ROTOR])
-        return Sight(
-            float(data.time), motion, v_north, v_east, v_down, clearance, self._touched, rotor
-        )
+            speed = data.act[where.state + STATE.speed]
+        return Sight(float(data.time), motion, *velocity, clearance, self._touched, float(speed))
 
 
 @dataclass(frozen=True)
