@@ -171,7 +171,7 @@ def test_wrong_offset_is_noticed(name):
 
 def test_missing_field_is_one_clear_line(monkeypatch):
     """A MuJoCo without a field that we need is refused by its version."""
-    monkeypatch.setattr(memory, "_structure", lambda name: type(name, (), {"opt": None}))
+    monkeypatch.setattr(memory, "_ctype", lambda node: type(node.name, (), {"opt": None}))
     with pytest.raises(CallbackError, match=mujoco.__version__):
         memory.offsets.__wrapped__()
 

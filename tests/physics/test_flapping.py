@@ -35,7 +35,8 @@ def held_by(par, lock, frequency=1.0, direction=-1.0, speed=1.0) -> Disc:
         lon_range=1.0,
         lat_range=1.0,
     )
-    plane = TipPathPlane.behind(found, speed=SPEED, direction=direction)
+    turns = {"main_rotor.speed": SPEED, "main_rotor.direction": direction}
+    plane = TipPathPlane.of(found.to_parameters() | turns)
     par[PARAM.main_speed], par[PARAM.main_direction] = SPEED, direction
     par[PARAM.flap_hold] = lock / par[PARAM.air_density]
     par[PARAM.flap_reduction] = 1.0

@@ -3,14 +3,12 @@
 A value object is a frozen dataclass; its fields may say units and limits:
 
     >>> from dataclasses import dataclass
-    >>> from helisim.base.settings import check, from_plain, parse_notation, setting, to_plain
+    >>> from helisim.base.settings import Checked, from_plain, parse_notation, setting, to_plain
     >>> @dataclass(frozen=True, kw_only=True)
-    ... class Bump:
+    ... class Bump(Checked):
     ...     axis: str = setting(choices=("lat", "lon"))
     ...     band: tuple[float, float] | None = None
     ...     height: float = setting(0.1, unit="m", above=0.0)
-    ...     def __post_init__(self) -> None:
-    ...         check(self)
     >>> to_plain(from_plain(Bump, {"axis": "lat", "height": 2}, "plan.bump"))
     {'axis': 'lat', 'band': None, 'height': 2}
     >>> parse_notation("bump,axis=lon,band=3:42", {"Bump": Bump})

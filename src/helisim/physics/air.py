@@ -200,10 +200,9 @@ def _surface(view, geom, shape, hub, shaft):
 @kernel()
 def _nearness(par, height, cosine):
     """Return (R / 4d)^2 of one surface, for a distance of the hub and the shaft's lean to it."""
-    if cosine <= 0.0:
-        return 0.0
     far = max(4.0 * height / par[PARAM.main_radius], 1e-3)  # at most a thousand radii inside
-    return soft_limit(par[PARAM.ground_effect] * cosine / far**2, _DEEPEST, _EXACT)
+    near = par[PARAM.ground_effect] * max(0.0, cosine) / far**2
+    return soft_limit(near, _DEEPEST, _EXACT)
 
 
 @kernel()

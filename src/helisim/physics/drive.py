@@ -178,11 +178,9 @@ def engine_torque(par, throttle, speed, source):
 @kernel()
 def shaft_torque(par, throttle, speed, source):
     """Return the torque that reaches the main shaft through the freewheel, N m: never negative."""
-    torque, whole = engine_torque(par, throttle, speed, source), grip(par)
+    torque, whole = max(0.0, engine_torque(par, throttle, speed, source)), grip(par)
     if torque >= whole:
         return torque
-    if torque <= 0.0:
-        return 0.0
     return torque**2 * (2.0 * whole - torque) / whole**2
 
 

@@ -161,9 +161,8 @@ def pressed(density, pressure, ahead, square):
 
     pressure: share left in flow from ahead (Prouty, ch. 8); ahead: m/s; square: airspeed squared.
     """
-    if ahead <= 0.0 or square < _STILL:
-        return density
-    return density * (1.0 - (1.0 - pressure) * ahead**2 / square)
+    lost = (1.0 - pressure) * max(0.0, ahead) ** 2
+    return density * (1.0 - lost / max(_STILL, square))
 
 
 @kernel()

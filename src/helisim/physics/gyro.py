@@ -11,7 +11,7 @@ from collections import namedtuple
 from typing import NamedTuple
 
 from helisim.physics.kernel import kernel, known
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import PARAM, SWASH_STATES, TAIL_STATES
 
 _HIGHEST = 0.5  # most of a cyclic axis and the tail servo, unitised
 
@@ -49,17 +49,15 @@ CyclicStates = namedtuple(
     "q_filter q_integral q_derivative p_filter p_integral p_derivative",
 )
 """The cyclic law's states: filtered rates, integrals and slower filtered rates."""
-known(CyclicStates)
 
 
 YawStates = namedtuple("YawStates", "r_lead r_integral")
 """The yaw law's states: the filter of its lead, and the integral."""
-known(YawStates)
 
 
-CYCLIC = CyclicStates(*range(STATE.gyro_r_lead - STATE.gyro_q_filter))
+CYCLIC = known(CyclicStates)(*range(SWASH_STATES))
 _CYCLIC_STATES = len(CYCLIC)
-YAW = YawStates(*range(STATE.gyro_r_integral - STATE.gyro_r_lead + 1))
+YAW = known(YawStates)(*range(TAIL_STATES))
 
 
 @kernel()

@@ -80,10 +80,8 @@ def row_of(handle, token, states):
     table = _address()
     row = table + 8 * _WIDTH * (np.int64(handle) % _ROWS)
     known = token == longs_at(table)[_HANDLE] and row != table
-    known = known and handle == longs_at(row)[_HANDLE]
-    if known and states == longs_at(row)[_STATES]:
-        return row
-    return 0
+    known = known and handle == longs_at(row)[_HANDLE] and states == longs_at(row)[_STATES]
+    return row if known else 0
 
 
 @kernel()

@@ -168,10 +168,8 @@ drag_y: N, hub's plane, forward and right; heat: W; inflow, induced, climb: over
 @kernel()
 def turning(speed):
     """Return the speed at which a rotor is computed, and its share of the forces."""
-    if speed >= STOPPED:
-        return speed, 1.0
-    part = max(0.0, speed) / STOPPED
-    return STOPPED, part * part * (3.0 - 2.0 * part)
+    part = min(1.0, max(0.0, speed) / STOPPED)
+    return max(STOPPED, speed), part * part * (3.0 - 2.0 * part)
 
 
 @kernel()

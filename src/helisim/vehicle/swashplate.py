@@ -123,11 +123,10 @@ class TipPathPlane:
     cyclic: NDArray[np.float64]
 
     @classmethod
-    def behind(cls, flapping: Flapping, *, speed: float, direction: float) -> "TipPathPlane":
-        """Return the disc of an equation (8) at a rotor speed, rad/s; ModelError if none has it.
-
-        direction: 1 for blades that turn clockwise seen from above, -1 for others.
-        """
+    def of(cls, parameters: Mapping[str, float]) -> "TipPathPlane":
+        """Return the disc of a vehicle's section [flapping]; ModelError if no blade has it."""
+        speed, direction = parameters["main_rotor.speed"], parameters["main_rotor.direction"]
+        flapping = Flapping.of(parameters)
         tau, mean = flapping.tau_f, 0.5 * direction * (flapping.b_a - flapping.a_b)
         if not tau * speed + mean > 0.0:
             raise ModelError(
@@ -145,12 +144,6 @@ class TipPathPlane:
                 springs=np.eye(2) + turn @ [[-1.0, flapping.a_b], [flapping.b_a, -1.0]],
                 cyclic=turn @ [[flapping.a_lat, flapping.a_lon], [flapping.b_lat, flapping.b_lon]],
             )
-
-    @classmethod
-    def of(cls, parameters: Mapping[str, float]) -> "TipPathPlane":
-        """Return the disc of a vehicle's section [flapping]; ModelError if no blade has it."""
-        speed, direction = parameters["main_rotor.speed"], parameters["main_rotor.direction"]
-        return cls.behind(Flapping.of(parameters), speed=speed, direction=direction)
 
     def flapping(self, *, speed: float, direction: float) -> Flapping:
         """Return eq. (8) at a speed, rad/s, tau_f the axes' mean; ModelError if not held."""
