@@ -229,7 +229,7 @@ def is_number(value: Any) -> bool:
 
 def kinds_of(hint: Any) -> Mapping[str, Any]:
     """Return the dataclasses that a field may hold by the name of their kind; {} if but one."""
-    parts = [one for one in _alternatives(hint) if is_dataclass(one)]
+    parts: list[Any] = [one for one in _alternatives(hint) if is_dataclass(one)]
     if len(parts) == 1:
         return vars(parts[0]).get("kinds", {})
     return {
