@@ -200,9 +200,10 @@ class ScriptedPilot:
         turn = FLIPS * matrix.reshape(3, 3)
         (xx, _, _), (yx, _, _), (zx, zy, zz) = turn.tolist()
         angles = math.atan2(zy, zz), -math.asin(min(1.0, max(-1.0, zx))), math.atan2(yx, xx)
-        velocity, place = flip(*data.qvel[:3].tolist()), flip(*data.qpos[:3].tolist())
-        through = (np.array(velocity) @ turn).tolist()
-        motion = Motion(*through, *flip(*data.qvel[3:6].tolist()), *angles, *place)
+        v_north, v_east, v_down = flip(*data.qvel[:3].tolist())
+        through, place = np.array((v_north, v_east, v_down)) @ turn, flip(*data.qpos[:3].tolist())
+        rates = flip(*data.qvel[3:6].tolist())
+        motion = Motion(*map(float, (*through, *rates, *angles, *place)))
         points = self._points @ turn.T
         if self._uneven is None:
             lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
@@ -214,7 +215,16 @@ class ScriptedPilot:
         where, speed = self._where, data.ctrl[self._where.control + ROTOR]
         if self._par[PARAM.drive_governor]:
             speed = data.act[where.state + STATE.speed]
-        return Sight(float(data.time), motion, *velocity, clearance, self._touched, float(speed))
+        return Sight(
+            float(data.time),
+            motion,
+            v_north,
+            v_east,
+            v_down,
+            clearance,
+            self._touched,
+            float(speed),
+        )
 
 
 @dataclass(frozen=True)
