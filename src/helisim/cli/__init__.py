@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with _messages(quiet=getattr(options, "quiet", False)), redirect_stdout(text):
             for name, suffixes in options.parser.files.items():
-                if getattr(options, name) not in (None, STDOUT):
+                if suffixes and getattr(options, name) not in (None, STDOUT):
                     from helisim.base.files import check_destination
 
                     check_destination(getattr(options, name), suffixes)
@@ -154,7 +154,5 @@ def parser(words: Sequence[str] = ()) -> Parser:
 
 
 def _add(commands: object, function: str, name: str) -> Parser:
-    from helisim.cli.options import SHARED
-
-    module = import_module(f"helisim.cli.{_COMMANDS[function]}".rstrip("."))
-    return add_command(commands, getattr(module, function), SHARED, name)
+    module = import_module(f"helisim.cli.{_COMMANDS[function]}")
+    return add_command(commands, getattr(module, function), name)

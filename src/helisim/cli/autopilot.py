@@ -17,6 +17,7 @@ from helisim.cli.options import (
     loaded,
     numbers_by_name,
     parameters,
+    print_rows,
     print_written,
     wrapped,
     write_recording,
@@ -134,23 +135,21 @@ def _listening(o: Options, link: "Link") -> str:
 def _writer(o: Options, aircraft: "Aircraft") -> Callable[[], None]:
     from helisim.records.storage import write_record
 
-    wanted = {name: path for name in ("record", "rerun") if (path := getattr(o, name)) is not None}
-    paths = {name: numbered(path) for name, path in wanted.items()}
+    records, recordings = (None if path is None else numbered(path) for path in (o.record, o.rerun))
 
     def write() -> None:
-        if not paths:
+        if not (records or recordings):
             return
         try:
             record = aircraft.record()
         except InputError as error:
             return _say(f"Not written: {error}")
-        if "record" in paths:
-            path = write_record(record, next(paths["record"]))
+        if records:
+            path = write_record(record, next(records))
             print_written(o, f"{path} ({record.duration:.2f} s, {len(record.names)} channels)")
-        if "rerun" in paths:
-            path = next(paths["rerun"])
-            flown = {path.stem: record}
-            write_recording(path, flown, vehicle=aircraft.vehicle.folder, quiet=o.quiet)
+        if recordings:
+            path = next(recordings)
+            write_recording(o, path, {path.stem: record}, aircraft.vehicle.folder)
 
     return write
 
@@ -284,7 +283,7 @@ def ardupilot_export(o: Options) -> int:
     """Write identified models for ArduPilot's state-space simulation.
 
     Options:
-        models MODEL <many>  of identify, .json; where two say one thing the first does
+        models MODEL <some>  of identify, .json; where two say one thing the first does
         --rpm RPM <must>  of the main rotor
         --out FILE <must .json>  the file, .json
         --lean DEG <=0>  of the hover, to the right (0)
@@ -312,9 +311,7 @@ def ardupilot_export(o: Options) -> int:
         late=numbers_by_name("--late", o.late),
     )
     model.write(o.out)
-    width = max(map(len, model.values))
-    for name, value in model.values.items():
-        print(f"{name:<{width}}  {value:.6g}")
+    print_rows({name: f"{value:.6g}" for name, value in model.values.items()})
     for remark in model.remarks:
         print(wrapped(remark, indent=2))
     print_written(o, o.out)

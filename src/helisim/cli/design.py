@@ -8,7 +8,7 @@ from helisim.cli.logs import describe, located, read_logs, records_of, reports
 from helisim.cli.options import (
     Options,
     numbers_by_name,
-    print_recording,
+    opened,
     print_written,
     progress,
     wrapped,
@@ -68,15 +68,12 @@ def design(o: Options) -> int:
 
     paths: list[Path] = o.source or [Path("reproduction")]
     folder = len(paths) == 1 and (paths[0].is_dir() or not paths[0].suffix)
-    specs = None if o.specs is None else read_specs(o.specs)
-    law = None if o.law is None else read_law(o.law)
-    vehicle = None if o.vehicle is None else load(o.vehicle)
     with progress(None, o.quiet) as advance:
         run = run_design(
             paths[0] if folder else [read_record(path) for path in paths],
-            vehicle=vehicle,
-            law=law,
-            specs=specs,
+            vehicle=None if o.vehicle is None else load(o.vehicle),
+            law=None if o.law is None else read_law(o.law),
+            specs=None if o.specs is None else read_specs(o.specs),
             seed=o.seed,
             proof=not o.no_proof,
             margin=o.margin,
@@ -103,8 +100,8 @@ def design(o: Options) -> int:
     print_written(o, f"{o.out / LAW}: helisim fly --controller {o.out / LAW}", o.out / RESULT)
     print_written(o, f"{o.out / REPORT}: charts with levels, loops, steps")
     if run.proof is not None:
-        print_written(o, f"{o.out / PROOF}: the flights of the proof")
-        print_recording(o.out / GUST, o.quiet)
+        flights = f"{o.out / PROOF}: the flights of the proof"
+        print_written(o, flights, opened(o.out / GUST))
     return 0 if run.met else 1
 
 
@@ -225,6 +222,5 @@ def _cuts(o: Options) -> "tuple[Cut, ...] | None":
                 "expected one of each for every axis"
             )
     nothing = (None,) * len(o.injected)
-    at = o.at or "actuators"
     parts = zip(o.axis, o.injected, o.total or nothing, o.returned or nothing)
-    return tuple(Cut(axis, at, added, both, back) for axis, added, both, back in parts)
+    return tuple(Cut(axis, o.at or "actuators", *channels) for axis, *channels in parts)

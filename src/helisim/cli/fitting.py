@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +27,7 @@ from helisim.cli.options import (
     Options,
     coloured,
     numbers_by_name,
+    print_rows,
     print_written,
     progress,
     worded_note,
@@ -171,10 +173,9 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
     if frf.direct:
         print(wrapped(_beside(fit, frf.direct, o), indent=2))
     if fit.verdict.word == "wrong" or fit.dropped:
-        lines = [worded_note(one) for one in suspicions(fit) if one not in fit.notes]
-        if lines:
-            print("likely causes, by what the data show:")
-            print(wrapped("\n".join(f"  {line}" for line in lines), indent=4))
+        causes = [f"  {worded_note(one)}" for one in suspicions(fit) if one not in fit.notes]
+        if causes:
+            print(wrapped("\n".join(["likely causes, by what the data show:", *causes]), indent=4))
     write_data(o, {**fit.to_dict(), "logs": reports(logs)}, json)
     if report is not None:
         from helisim.show.report import write_fit_report
@@ -272,21 +273,20 @@ def _inferred_work(o: Options) -> list[Work]:
         found = _inferred(o)
         fits = _fits(o, found)
         structures = [_adapted(o, find_structure(f.structure, f.inputs, f.outputs)) for f in fits]
-        parts = [(f.inputs, f.outputs, f.conditioning, f.reference) for f in fits]
-        wanted = {name for part in parts for channels in part for name in channels}
-        logs = replace(found, fits=fits).read(wanted, on_progress=advance)
+        roles = [(*f.inputs, *f.outputs, *f.conditioning, *f.reference) for f in fits]
+        logs = found.read(chain(*roles), on_progress=advance)
         records = records_of(logs)
         least = resolved_band(records)[0]
-        bands = [tuple(o.band or (max(fit.band[0], least), fit.band[1])) for fit in fits]
-        fits = tuple(replace(fit, band=band) for fit, band in zip(fits, bands))
+        fits = tuple(
+            replace(fit, band=tuple(o.band or (max(fit.band[0], least), fit.band[1])))
+            for fit in fits
+        )
         with located(logs):
             responses = estimate_fits(records, fits, o.estimator or "local")
         advance("frequency responses")
     works, used = [], []
     for fit, structure, response in zip(fits, structures, responses):
-        band = fit.band
-        if not o.band:
-            band = followed_band(response, structure, band, **_search(o))
+        band = fit.band if o.band else followed_band(response, structure, fit.band, **_search(o))
         if band != fit.band:
             why = f"{fit.why}; below {band[0]:.3g} rad/s the structure doesn't follow"
             fit = replace(fit, band=band, why=why)
@@ -318,14 +318,7 @@ def _fits(o: Options, found: "Inferred") -> "tuple[InferredFit, ...]":
     return tuple(replace(fit, **given) for fit in fits)
 
 
-def read_named(
-    o: Options, inputs: Sequence[str], outputs: Sequence[str], advance: Callable[[str], None]
-) -> "tuple[Log, ...]":
-    """Return logs with the channels of a model, by their names or as options name them."""
-    return read_logs(o, (*inputs, *outputs), advance)
-
-
-def read_sweeps(
+def _read_sweeps(
     o: Options, inputs: Sequence[str], outputs: Sequence[str], advance: Callable[[str], None]
 ) -> "tuple[Log, ...]":
     """Return the sweeps of a model's inputs, where logs say them."""
@@ -375,8 +368,10 @@ def verify(o: Options) -> int:
     fit = load_fit(o.model)
     inputs, outputs = fit.structure.inputs, fit.structure.outputs
     with progress(len(o.logs) + 1, o.quiet) as advance:
-        read = read_sweeps if _says_sweeps(o, {*inputs, *outputs}) else read_named
-        logs = read(o, inputs, outputs, advance)
+        if _says_sweeps(o, {*inputs, *outputs}):
+            logs = _read_sweeps(o, inputs, outputs, advance)
+        else:
+            logs = read_logs(o, (*inputs, *outputs), advance)
         for log in logs:
             for record in log.records:
                 refuse_seen(fit, record, log.report.path)
@@ -385,13 +380,9 @@ def verify(o: Options) -> int:
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)
-    data = {
-        **verification.to_dict(),
-        "model": str(o.model),
-        "logs": reports(logs),
-        "provenance": made_by("verification", fit=fit.provenance),
-    }
-    write_data(o, data)
+    made = made_by("verification", fit=fit.provenance)
+    said = {"model": str(o.model), "logs": reports(logs), "provenance": made}
+    write_data(o, {**verification.to_dict(), **said})
     return 0 if verification.acceptable else 1
 
 
@@ -414,9 +405,7 @@ def structures(o: Options) -> int:
         one.name: f"{', '.join(one.outputs)} over {', '.join(one.inputs)}: {one.meaning}"
         for one in structures.BUILT_IN.values()
     } | _GENERIC
-    width = max(map(len, rows))
-    for name, meaning in rows.items():
-        print(wrapped(f"{name:<{width}}  {meaning}", indent=width + 2))
+    print_rows(rows)
     return 0
 
 

@@ -3,7 +3,6 @@
 import math
 import re
 import sys
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -231,7 +230,7 @@ def _print_flown(
     if not o.quiet and "reached" in record.provenance:
         print(f"Reached: {from_plain(Reached, record.provenance['reached'], 'reached')}")
     if o.rerun is not None:
-        write_recording(o.rerun, {plan.name: record}, vehicle=vehicle.folder, quiet=o.quiet)
+        write_recording(o, o.rerun, {plan.name: record}, vehicle.folder)
 
 
 def _fly_many(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
@@ -250,8 +249,8 @@ def _fly_many(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     print_written(o, f"{o.out} ({len(ended)} flights of {plan.duration:g} s)")
     for path, why in ended.items():
         if why:
-            early = f"{why}, where the flight was terminated early"
-            print(f"helisim fly: {path}: {early}", file=sys.stderr)
+            early = "where the flight was terminated early"
+            print(f"helisim fly: {path}: {why}, {early}", file=sys.stderr)
     return 3 if any(ended.values()) else 0
 
 
@@ -296,7 +295,19 @@ def view(o: Options) -> int:
     if o.keyboard or o.joystick is not None:
         if manoeuvre(o) or (o.keyboard and o.joystick is not None):
             raise InputError("give one of --keyboard, --joystick and a manoeuvre")
-        return _fly_by_hand(o, given)
+        from helisim.hand.window import fly_by_hand
+
+        written = fly_by_hand(
+            loaded(o),
+            joystick=o.joystick,
+            weather=weather(o),
+            ground=ground(o),
+            duration=o.duration,
+            seed=o.seed,
+            **given,
+        )
+        print_written(o, *written)
+        return 0
     if given or any(getattr(o, name) is not None for name in _WEATHER):
         raise InputError(
             "weather and the options of sticks are for a flight by hand: add --keyboard or "
@@ -305,21 +316,4 @@ def view(o: Options) -> int:
     excitation = manoeuvre(o)
     flown = view(loaded(o), excitation, duration=o.duration, ground=ground(o), seed=o.seed)
     print(f"Flown: {flown:.1f} s")
-    return 0
-
-
-def _fly_by_hand(o: Options, given: Mapping[str, Any]) -> int:
-    from helisim.hand.window import fly_by_hand
-
-    written = fly_by_hand(
-        loaded(o),
-        joystick=o.joystick,
-        weather=weather(o),
-        ground=ground(o),
-        duration=o.duration,
-        seed=o.seed,
-        **given,
-    )
-    for path in written:
-        print(f"Written: {path}")
     return 0

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from helisim.base.errors import IdentificationError, InputError
 from helisim.cli.options import (
     Options,
     names,
+    print_rows,
     print_written,
     progress,
     worded_note,
@@ -149,27 +151,23 @@ def estimate(
     """
     from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
 
-    others = {"conditioning": options.conditioning, "reference": options.reference}
-    with warnings.catch_warnings():
+    records = records_of(logs)
+    low, high = options.band or resolved_band(records)
+    reference = options.reference or _sticks(records, (*inputs, *options.conditioning))
+    with warnings.catch_warnings(), located(logs):
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
-        records = records_of(logs)
-        low, high = options.band or resolved_band(records)
-        if not others["reference"]:
-            others["reference"] = _sticks(records, (*inputs, *others["conditioning"]))
-        elif others["reference"] == ("none",):
-            others["reference"] = ()
-        with located(logs):
-            response = frequency_response(
-                records,
-                inputs=inputs,
-                outputs=outputs,
-                band=(low, high),
-                **others,
-                use_ended=options.use_ended,
-                estimator=options.estimator or "local",
-            )
-        advance("frequency responses")
+        response = frequency_response(
+            records,
+            inputs=inputs,
+            outputs=outputs,
+            conditioning=options.conditioning,
+            reference=() if reference == ("none",) else reference,
+            band=(low, high),
+            use_ended=options.use_ended,
+            estimator=options.estimator or "local",
+        )
+    advance("frequency responses")
     if response.direct and not options.reference:
         joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
         # a gust that comes back in an input is coherent with it, and not with the sticks
@@ -282,10 +280,8 @@ def look(o: Options) -> int:
 
 def command_line(proposal: "Proposal") -> str:
     """Return a proposal as a line that works when it is pasted."""
-    words = ["helisim", proposal.command, *proposal.logs]
-    for name, values in proposal.options:
-        words += [f"--{name.replace('_', '-')}", *values]
-    return shlex.join(words)
+    given = [[f"--{name.replace('_', '-')}", *values] for name, values in proposal.options]
+    return shlex.join(["helisim", proposal.command, *proposal.logs, *chain(*given)])
 
 
 def examples(o: Options) -> int:
@@ -308,13 +304,9 @@ def examples(o: Options) -> int:
     from helisim.logs.examples import copy_examples, examples
 
     if o.to is not None:
-        copied = copy_examples(o.to)
-        print_written(o, f"{len(copied)} files in {o.to}")
+        print_written(o, f"{len(copy_examples(o.to))} files in {o.to}")
         return 0
-    found = examples().values()
-    width = max(len(one.name) for one in found)
-    for one in found:
-        print(f"{one.name:<{width}}  {one.meaning}")
+    print_rows({one.name: one.meaning for one in examples().values()})
     return 0
 
 
@@ -325,7 +317,7 @@ def rerun(o: Options) -> int:
     Rerun recording: the helicopter in space and its signals over time.
 
     Options:
-        logs LOG <many>  record, or folder of a run
+        logs LOG <some>  record, or folder of a run
         --out FILE <must .rrd>  recording to write, .rrd
         --vehicle VEHICLE  to draw, name or folder (default: the one that flew)
         @quiet
@@ -353,5 +345,5 @@ def rerun(o: Options) -> int:
             f"flown by {', '.join(map(repr, sorted(flew)))}: a recording draws one vehicle, by "
             "default a shipped one; give yours with --vehicle PATH"
         )
-    write_recording(o.out, flights, vehicle=o.vehicle or flew.pop(), quiet=o.quiet)
+    write_recording(o, o.out, flights, o.vehicle or flew.pop())
     return 0

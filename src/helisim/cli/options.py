@@ -16,11 +16,11 @@
 
 An option is its name, metavar, marks, and after two spaces its help, which goes on in indented
 lines. `--from/from_time` has another name in Python; `model MODEL` has no dashes. The type is that
-of the metavar in `_TYPES`, or a mark: int, float, path, text, names (A,B). Further marks: `=VALUE`
-default, `many` (repeatable; of a word, one or more), `any` (of a word, none or more), `maybe` or
-`maybe=VALUE` (nothing need follow), `must`, and `.json` or `.svg .png`: a file that is written,
-checked before the command runs. A line that ends with a colon begins a group; "@name" is a shared
-text.
+of the metavar in `_TYPES`, or one of the `_MARKS`, which have more: `some` (of a word, one or
+more), `any` (none or more), `many` (an option that may be repeated), `must`, and `maybe` (nothing
+need follow; `maybe=VALUE` is meant then). `=VALUE` is the default, and `.json` or `.svg .png` a
+file that is written, checked before the command runs. A line that ends with a colon begins a group;
+"@name" is a shared text.
 """
 
 import argparse
@@ -49,10 +49,14 @@ Options = argparse.Namespace  # What a command is called with: the value of each
 STDOUT = Path("-")  # What --json is without a file
 _WIDTH = 80
 _TYPED = {"calibrate": "vehicle calibrate", "tune": "tune --vehicle"}  # As one types remedies
-_PATHS = ("FILE", "FILE|DIR", "DIR", "FOLDER", "LOG", "MODEL", "RUN", "SOURCE")
-_NUMBERS = ("LO HI", "S", "M", "M/S", "HZ", "DEG", "RAD/S", "SHARE", "X", "RPM")
-_TYPES: dict[str, Callable[[str], Any]] = {"N": int, **dict.fromkeys(_PATHS, Path)}
-_TYPES |= dict.fromkeys(_NUMBERS, float)
+_TYPES: dict[str, Callable[[str], Any]] = {
+    "N": int,
+    **dict.fromkeys(("FILE", "FILE|DIR", "DIR", "FOLDER", "LOG", "MODEL", "RUN", "SOURCE"), Path),
+    **dict.fromkeys(("LO HI", "S", "M", "M/S", "HZ", "DEG", "RAD/S", "SHARE", "X", "RPM"), float),
+}  # Types by metavar; all others are text
+_PAGE = re.compile(
+    r"(.+?)(?:\n\n((?!Options:).*?))?(?:\n\nOptions:\n(.*?))?(?:\n\n(examples?:.*))?", re.S
+)  # A docstring's title, description, options and examples
 _HEAD = re.compile(r"(\S+?)(?:/(\w+))?(?: ([^<]+?))?(?: ?<(.*)>)?")
 
 
@@ -61,7 +65,17 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in (text or "").split(",") if name.strip())
 
 
-_MARKS = {"int": int, "float": float, "path": Path, "text": str, "names": names}
+_MARKS: dict[str, dict[str, Any]] = {
+    "int": {"type": int},
+    "float": {"type": float},
+    "text": {"type": str},
+    "names": {"type": names},
+    "some": {"nargs": "+"},
+    "any": {"nargs": "*"},
+    "many": {"action": "append", "default": []},
+    "maybe": {"nargs": "?"},
+    "must": {"required": True},
+}  # What argparse is told for a mark
 
 
 class Parser(argparse.ArgumentParser):
@@ -96,10 +110,10 @@ class Parser(argparse.ArgumentParser):
             self.error(str(UnknownNameError("command", value, action.choices or ())))
         super()._check_value(action, value)
 
-    def add_options(self, text: str, shared: Mapping[str, str]) -> None:
+    def add_options(self, text: str) -> None:
         """Add the options that a text says, one a line; see this module."""
         group: Any = self
-        for line in re.split(r"\n(?=\S)", expanded(textwrap.dedent(text).strip(), shared)):
+        for line in re.split(r"\n(?=\S)", expanded(textwrap.dedent(text).strip())):
             if line.endswith(":") and not line.startswith("-"):
                 group = self if line == "options:" else self.add_argument_group(line[:-1])
             elif line:
@@ -110,60 +124,46 @@ class Parser(argparse.ArgumentParser):
         match = _HEAD.fullmatch(head)
         assert match is not None, head
         flag, dest, metavar, marks = match.groups(default="")
-        word, kind = not flag.startswith("-"), _TYPES.get(metavar)
         given: dict[str, Any] = {"help": said.replace("%", "%%")}
-        if not metavar:
+        given |= {"dest": dest} if dest else {}
+        if metavar:
+            given |= {"metavar": metavar, "type": _TYPES.get(metavar, str)}
+        else:
             given["action"] = "store_true"
-        for mark in marks.split():
-            name, equals, value = mark.partition("=")
-            if mark.startswith("."):
-                name = dest or flag.strip("-")
-                self.files[name] = (*self.files.get(name, ()), mark)
-            elif name in _MARKS:
-                kind = _MARKS[name]
-            elif name in ("many", "any"):
-                repeated = {"action": "append", "default": []}
-                given |= {"nargs": "+" if name == "many" else "*"} if word else repeated
-            elif name == "maybe":
-                given |= {"nargs": "?", **({"const": (kind or str)(value)} if equals else {})}
-            elif mark == "must":
-                given["required"] = True
-            else:
-                given |= {"default": (kind or str)(value), **({"nargs": "?"} if word else {})}
-        given |= {"metavar": metavar, "type": kind or str} if metavar else {}
         if metavar == "LO HI":
             given |= {"metavar": ("LO", "HI"), "nargs": 2}
-        group.add_argument(flag, **given, **({"dest": dest} if dest else {}))
+        for mark in marks.split():
+            name, equals, value = mark.partition("=")
+            given |= _MARKS.get(name, {})
+            if equals:
+                given["const" if name else "default"] = value
+        written = group.add_argument(flag, **given).dest
+        self.files[written] = tuple(mark for mark in marks.split() if mark.startswith("."))
 
 
-def expanded(text: str, shared: Mapping[str, str]) -> str:
+def expanded(text: str) -> str:
     """Return a text with each line "@name: more" replaced by the shared text of that name."""
     return re.sub(
         r"^@(\w+)(?:: (.*))?$",
-        lambda one: shared[one[1]].strip().replace("{}", one[2] or ""),
+        lambda one: SHARED[one[1]].strip().replace("{}", one[2] or ""),
         text,
         flags=re.M,
     )
 
 
-def add_command(
-    commands: Any, function: Callable[[Options], int], shared: Mapping[str, str], name: str
-) -> Parser:
+def add_command(commands: Any, function: Callable[[Options], int], name: str) -> Parser:
     """Add a command to its kind, made of its docstring; return its parser."""
-    said = inspect.getdoc(function) or ""
-    head, _, rest = said.partition("\n\n")
-    about, *rest = re.split(r"Options:\n|^(?=examples?:)", rest, maxsplit=1, flags=re.M)
-    split = re.fullmatch(r"((?: [^\n]*\n?|\n)*)(.*)", "".join(rest), flags=re.S)
-    lines, epilog = split.groups() if split else ("", "")
-    epilog = expanded(epilog, shared)
+    page = _PAGE.fullmatch(inspect.getdoc(function) or "")
+    assert page is not None
+    head, about, lines, epilog = page.groups(default="")
     title = " ".join(head.split())
     command = commands.add_parser(
         name,
         help=title[0].lower() + title[1:].removesuffix("."),
-        description="\n".join(" ".join(one.split()) for one in about.strip().split("\n\n")),
-        epilog=epilog.strip() + "\n" if epilog.strip() else None,
+        description="\n".join(" ".join(one.split()) for one in about.split("\n\n")),
+        epilog=f"{expanded(epilog)}\n" if epilog else None,
     )
-    command.add_options(lines, shared)
+    command.add_options(lines)
     words = [action.metavar for action in command._actions if not action.option_strings]
     command.usage = " ".join([command.prog, *map(str, filter(None, words)), "[options]"])
     command.set_defaults(run=function, parser=command)
@@ -223,7 +223,7 @@ def coloured(text: str) -> str:
 SHARED = {
     "vehicle": "--vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path",
     "subject": """
-vehicle VEHICLE <=jr700>  jr700 (default), blade360, lynx, or a folder's path
+vehicle VEHICLE <maybe =jr700>  jr700 (default), blade360, lynx, or a folder's path
 """,
     "json": """
 --json FILE <maybe=- .json>  {}, .json; no FILE: printed in place of text
@@ -270,7 +270,7 @@ sweep, chirp, multisine; the axis of sensors is p, q, r, phi, theta or psi:
   --excitation doublet,axis=ped,at=actuators,amplitude=0.05
 """,
     "logs": """
-logs LOG <many>  helisim record, CSV, Parquet, .npy, .mat, ULog, .px4log or DataFlash
+logs LOG <some>  helisim record, CSV, Parquet, .npy, .mat, ULog, .px4log or DataFlash
 how to read the logs:
 --map FILE  columns of channels, .toml, see helisim examples
 --channel NAME=... <many>  COLUMN:UNIT[:sign=-1][:trim=X][:range=X]; repeatable
@@ -354,6 +354,13 @@ def numbers_by_name(option: str, items: Sequence[str]) -> dict[str, float]:
     return values
 
 
+def print_rows(rows: Mapping[str, str]) -> None:
+    """Print texts below each other, each behind its name."""
+    width = max(map(len, rows))
+    for name, text in rows.items():
+        print(wrapped(f"{name:<{width}}  {text}", indent=width + 2))
+
+
 def print_written(options: Options, *texts: object) -> None:
     """Print what was written where, each that is not None, unless --quiet."""
     for text in texts:
@@ -385,20 +392,19 @@ def replace_parameter_file(options: Options, name: str, text: str) -> None:
 
 
 def write_recording(
-    path: Path, records: Any, *, vehicle: str | Path = "jr700", quiet: bool = False
+    options: Options, path: Path, records: Any, vehicle: str | Path = "jr700"
 ) -> None:
-    """Write a Rerun recording of flights, and print where."""
+    """Write a Rerun recording of flights, and print where and what opens it."""
     from helisim.show.recording import write_recording
     from helisim.vehicle import load
 
-    with progress(len(records), quiet, unit="flight") as advance:
+    with progress(len(records), options.quiet, unit="flight") as advance:
         slung = {str(record.provenance.get("slung", "")) for record in records.values()} - {""}
         drawn = load(vehicle, slung=slung.pop() if len(slung) == 1 else None)
         write_recording(path, records, model=drawn.visual_model(), on_progress=advance)
-    print_recording(path, quiet)
+    print_written(options, opened(path))
 
 
-def print_recording(path: Path, quiet: bool) -> None:
-    """Print where a recording was written and what opens it, unless `quiet`."""
-    if not quiet:
-        print(f"Written: {path}; open it with: rerun {path}")
+def opened(path: Path) -> str:
+    """Return a recording's path and what opens it."""
+    return f"{path}; open it with: rerun {path}"

@@ -37,10 +37,9 @@ def reproduce(o: Options) -> int:
     from helisim.study.experiment import flights_in_all, named_records, reproduce
     from helisim.study.models import MODELS
 
-    out = Path(o.out)
     with progress(flights_in_all(o.flights) + len(MODELS) + 1, o.quiet) as advance:
         run = reproduce(
-            out=out,
+            out=o.out,
             flights=o.flights,
             seed=o.seed,
             jobs=o.jobs,
@@ -48,13 +47,13 @@ def reproduce(o: Options) -> int:
             rotor=o.rerun is not None,
             on_progress=advance,
         )
-        write_report(out, run)
+        write_report(o.out, run)
         advance("report")
     print(coloured(render_results(run.results)))
-    results = f"{out / 'results.json'}, records in {out / 'flights'}"
-    print_written(o, results, out / "report.html")
+    results = f"{o.out / 'results.json'}, records in {o.out / 'flights'}"
+    print_written(o, results, o.out / "report.html")
     if o.rerun is not None:
-        write_recording(o.rerun, named_records(run.flights), quiet=o.quiet)
+        write_recording(o, o.rerun, named_records(run.flights))
     return 1 if run.results.misses else 0
 
 
@@ -197,10 +196,13 @@ def _fly_campaign(o: Options) -> Path:
     from helisim.study.replicates import run_campaign
 
     campaign = read_campaign(o.file)
-    folder = o.out or o.file.with_suffix("")
     executor = on_dask(o.dask or None, o.jobs) if o.dask is not None else local(o.jobs)
     with progress(len(campaign), o.quiet) as advance:
-        done = {"executor": executor, "on_replicate": lambda: advance("replicate")}
-        path = run_campaign(campaign, folder, **done)
+        path = run_campaign(
+            campaign,
+            o.out or o.file.with_suffix(""),
+            executor=executor,
+            on_replicate=lambda: advance("replicate"),
+        )
     print(f"Written: {path} ({len(campaign)} replicates)\n")
     return path

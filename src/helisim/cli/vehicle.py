@@ -38,10 +38,13 @@ def vehicle_linearize(o: Options) -> int:
 
     vehicle = loaded(o)
     linear = vehicle.linearize(o.inputs)
-    provenance = made_by("linearization", **vehicle.provenance)
     print(render_derivatives(linear, vehicle.derivatives))
-    more = {"derivatives": vehicle.derivatives, "provenance": provenance}
-    write_data(o, {**linear.to_dict(), **more})
+    data = {
+        **linear.to_dict(),
+        "derivatives": vehicle.derivatives,
+        "provenance": made_by("linearization", **vehicle.provenance),
+    }
+    write_data(o, data)
     return 0
 
 
@@ -87,8 +90,8 @@ def vehicle_trim(o: Options) -> int:
             }
             for flight in flights
         ]
-        provenance = made_by("level flights", **flights[0].provenance)
-        write_data(o, {"format": FORMAT, "flights": found, "provenance": provenance})
+        made = made_by("level flights", **flights[0].provenance)
+        write_data(o, {"format": FORMAT, "flights": found, "provenance": made})
     print(render_trims(flights))
     return 0
 
@@ -152,10 +155,10 @@ def vehicle_calibrate(o: Options) -> int:
 
     with progress(None, o.quiet, unit="trial") as advance:
         text = calibrated_text(o.vehicle, on_progress=advance)
-    if not o.write:
+    if o.write:
+        replace_parameter_file(o, "calibrated.toml", text)
+    else:
         print(text, end="")
-        return 0
-    replace_parameter_file(o, "calibrated.toml", text)
     return 0
 
 
@@ -246,8 +249,8 @@ def vehicle_check(o: Options) -> int:
 
     found = check_vehicle(o.vehicle)
     for problem in found.problems:
-        remedy = worded((problem.remedy,)) if problem.remedy else ""
-        print(single_line(str(problem)) + remedy)
+        remedy = (problem.remedy,) if problem.remedy else ()
+        print(single_line(str(problem)) + worded(remedy))
     if not o.quiet:
         print(render_check(found))
     return 2 if found.problems else 0
