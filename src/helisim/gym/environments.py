@@ -211,9 +211,7 @@ class _Picture:
     def of_state(self, state: NDArray[np.float64]) -> NDArray[np.uint8]:
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, state[: mujoco.mj_stateSize(model, _DRAWN)], _DRAWN)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
+        mujoco.mj_fwdPosition(model, data)
         self._rotors.draw(data)
         self.renderer.update_scene(data, self._camera)
         return self.renderer.render()

@@ -16,7 +16,7 @@ from helisim.physics.layout import CONTROL, PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
-from helisim.sim.flight import begin, generator, steps
+from helisim.sim.flight import at_least, begin, generator, steps
 from helisim.sim.ground import Ground
 from helisim.sim.limits import Contact, FlightEnvelope, broken
 from helisim.sim.plan import Pilot, hover_height
@@ -131,8 +131,6 @@ class HandFlight:
         By default the air is calm, the ground level with its effect, the height just above the pad.
         Raises UnknownNameError, InputError, or TrimError: it can't hover in the wind.
         """
-        if seed < 0:
-            raise InputError(f"seed must be 0 or more, got {seed}")
         self.weather, self.ground = weather or Weather(), ground or Ground()
         self.model = vehicle.visual_model(self.ground.put_into)
         self.height = hover_height(self.model) if height is None else height
@@ -141,7 +139,7 @@ class HandFlight:
         self.vehicle = self.ground.felt_by(vehicle).trimmed(
             height=self.height, wind=self.weather.wind_to
         )
-        self.seed, self.flown_with = seed, flown_with
+        self.seed, self.flown_with = at_least("seed", seed, 0), flown_with
         self.model.opt.wind[:] = self.vehicle.model.opt.wind
         par = self._par = self.model.actuator_user[addresses(self.model).rotor]
         par[PARAM.ground_effect] = self.ground.effect
@@ -164,8 +162,8 @@ class HandFlight:
 
     def reset(self) -> None:
         """Hover above the pad again, at time 0; a recording that runs is dropped."""
-        where = {"height": self.height, "seed": self.seed}
-        begin(self.vehicle, self.model, self.data, self.weather, self.ground, **where)
+        flown = (self.vehicle, self.model, self.data, self.weather, self.ground)
+        begin(*flown, height=self.height, seed=self.seed)
         self._controller.close()
         flying = self.vehicle.controller.flying(self.model)
         self._law_failure = self._controller.enter_context(flying)

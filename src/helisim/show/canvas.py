@@ -70,10 +70,8 @@ def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
     low, high = drawing.used or (across.low, across.high)
     for ax, panel in zip(axes, drawing.panels):
         for area in panel.areas:
-            look: dict[str, Any] = {"color": COLOURS[area.ground], "label": area.label or None}
-            (left, right), (low_y, high_y) = area.x, area.y
-            corners = ((left, right, right, left), (low_y, low_y, high_y, high_y))
-            ax.fill(*corners, transform=ax.transAxes, linewidth=0.0, zorder=0, **look)
+            look = {"color": COLOURS[area.ground], "label": area.label or None, "zorder": 0}
+            ax.fill_between(area.x, *area.y, linewidth=0.0, **look)
         for mark in panel.marks:
             _mark(ax, mark)
         ax.grid(color=COLOURS["grid"], linewidth=0.6)
@@ -83,8 +81,14 @@ def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
             ax.axhline(panel.threshold, color=COLOURS["frame"], linewidth=0.7, linestyle=":")
         labels = _labels(panel)
         if labels:
-            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False}
-            ax.legend(ncols=min(labels, _BESIDE), fontsize=7.0, borderaxespad=0.0, **place)
+            ax.legend(
+                ncols=min(labels, _BESIDE),
+                loc="lower right",
+                bbox_to_anchor=(1.0, 1.0),
+                borderaxespad=0.0,
+                fontsize=7.0,
+                frameon=False,
+            )
         ax.set_title(panel.label, pad=6.0 + 11.0 * _rows(panel) if labels > 2 else None)
         for start, stop in ((across.low, low), (high, across.high)):
             if start < stop:

@@ -81,9 +81,8 @@ class _Axis:
     def clipped(self, value: float) -> float:
         return self.factor * min(max(value, self.low), self.high)
 
-    def share(self, span: Span) -> Span:
-        inside = np.sort(np.clip(span, self.low, self.high)) - self.low
-        low, high = (inside / (self.high - self.low)).tolist()
+    def inside(self, span: Span) -> Span:
+        low, high = sorted(map(self.clipped, span))
         return low, high
 
 
@@ -115,7 +114,7 @@ def draw_chart(
     regions = product(across_levels, *up_levels)
     for region in sorted(regions, key=lambda one: max(level for level, _ in one)):
         level = max(level for level, _ in region)
-        across, *up = (axis.share(span) for axis, (_, span) in zip(axes, region))
+        across, *up = (axis.inside(span) for axis, (_, span) in zip(axes, region))
         label = "" if level in seen else f"Level {level}"
         seen.add(level)
         areas.append(Area(_GROUNDS[level], across, up[0] if up else (0.0, 1.0), label))
@@ -166,9 +165,8 @@ def draw_judged(one: Judged, more: Sequence[Shown] = (), caption: str = "") -> D
     """Return the chart of one specification with laws before and after."""
     before = [Shown("before", one.before.figures)] if one.before else []
     after = Shown("predicted", one.nominal.figures, [each.figures for each in one.cloud])
-    criterion = one.nominal.criterion
-    shown = [*before, after, *more]
-    return draw_chart(chart_name(criterion), criterion, shown, caption=caption)
+    name, criterion = chart_name(one.nominal.criterion), one.nominal.criterion
+    return draw_chart(name, criterion, [*before, after, *more], caption=caption)
 
 
 def chart_name(criterion: Criterion) -> str:

@@ -48,16 +48,15 @@ def write_design_page(
     source = page.as_json(dict(result.provenance))
     sections = [
         ("criteria", "Handling qualities", _criteria(result, proof)),
-        ("numbers", "Asked, predicted, exact, flown", proof and _numbers(result, proof)),
+        ("numbers", "Asked, predicted, exact, flown", _numbers(result, proof) if proof else ""),
         ("loops", "Broken loops", _loops(known)),
-        ("steps", "Before and after", proof and page.figures(_flights(proof))),
+        ("steps", "Before and after", page.figures(_flights(proof)) if proof else ""),
         ("law", "The law", page.preformatted(result.law.to_toml())),
         ("asked", "What was asked", page.folded("specs.toml", specs)),
         ("provenance", "Provenance", page.folded("the design", source)),
     ]
     title = "A control law from identified models"
-    kept = [(anchor, name, inner) for anchor, name, inner in sections if inner]
-    return page.write_page(Path(path), title, kept, _summary(result, proof))
+    return page.write_page(Path(path), title, sections, _summary(result, proof))
 
 
 def verdict(result: DesignResult, proof: "Proof | None") -> str:

@@ -66,7 +66,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Area:
-    """A ground behind a panel's marks: lowest and highest x and y as shares of the frame."""
+    """A ground behind a panel's marks: lowest and highest x and y, in the units of the axes."""
 
     ground: Ground
     x: tuple[float, float]
@@ -87,17 +87,15 @@ class Scale:
     def of(cls, low: float, high: float, *, most: int, steps: Sequence[float] = ()) -> "Scale":
         """Return a linear axis with about `most` ticks, of the given steps where they fit."""
         decade = 10.0 ** math.floor(math.log10((high - low) / (most + 1)))
-        ticks: list[range] = []
         for sizes in (steps, [decade * size for size in (*_PRETTY, 10.0, 20.0)]):
-            found = {
+            counts = {
                 size: range(math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9) + 1)
                 for size in sizes
             }
-            ticks = [count for count in found.values() if len(count) > 1]
-            if ticks:
-                best = min(ticks, key=lambda count: abs(len(count) - most))
-                size = next(size for size, count in found.items() if count is best)
-                return cls(low, high, tuple(count * size for count in best))
+            apart = {size: abs(len(count) - most) for size, count in counts.items() if count[1:]}
+            if apart:
+                size = min(apart, key=apart.__getitem__)
+                return cls(low, high, tuple(count * size for count in counts[size]))
         return cls(low, high, (low, high))
 
     @classmethod
@@ -214,9 +212,8 @@ def extent(values: Sequence[Array], margin: float = 0.0) -> tuple[float, float]:
     finite = whole[np.isfinite(whole)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     largest = max(abs(low), abs(high))
-    apart = margin * (high - low)
-    if high - low <= _ROUNDING * largest:
-        apart = 0.1 * largest or 1.0
+    constant = high - low <= _ROUNDING * largest
+    apart = (0.1 * largest or 1.0) if constant else margin * (high - low)
     return low - apart, high + apart
 
 
@@ -292,10 +289,9 @@ def _panel(
         if end - x > 0.5:
             yield _rectangle("f-unused", x, 0.0, end - x, height)
     for area in panel.areas:
-        (x, end), (low, high) = area.x, area.y
-        yield _rectangle(
-            area.ground, x * width, (1.0 - high) * height, (end - x) * width, (high - low) * height
-        )
+        (x, end), (bottom, above) = across.share(area.x), scale.share(area.y)
+        shape = (x * width, (1.0 - above) * height, (end - x) * width, (above - bottom) * height)
+        yield _rectangle(area.ground, *shape)
     rows = (1.0 - scale.share(scale.ticks)) * height
     lines = [f"M{x:.1f} 0V{height:g}" for x in across.share(across.ticks) * width]
     lines += [f"M0 {y:.1f}H{width:.1f}" for y in rows]
@@ -305,12 +301,10 @@ def _panel(
         yield f'<path class="frame dashes" d="M0 {y:.1f}H{width:.1f}"/>'
     yield "</svg>"
     for mark in panel.marks:
-        x, y, top_ = mark.x, mark.y, mark.top
         line = mark.kind in ("line", "dashes")
-        if line:
-            x, y = outline(x, y, 2 * round(width))
+        x, y = outline(mark.x, mark.y, 2 * round(width)) if line else (mark.x, mark.y)
         x, y = across.share(x) * width, (1.0 - scale.share(y)) * height
-        ends = None if top_ is None else (1.0 - scale.share(top_)) * height
+        ends = None if mark.top is None else (1.0 - scale.share(mark.top)) * height
         cut = "hidden" if line or ends is not None else "visible"
         yield f'{frame} overflow="{cut}">{_shape(mark, x, y, ends)}</svg>'
     for y, text in zip(rows, scale.texts):
@@ -328,19 +322,14 @@ def _shape(mark: Mark, x: Array, y: Array, top: Array | None = None) -> str:
         edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(np.int8)))
         path = "".join(_line(x[a:b], y[a:b]) for a, b in zip(edges[::2], edges[1::2]))
     else:
-        r, width = (_DOT - 0.4) * mark.width, 0.8 * mark.width
-        d = 2.0 * r
-        dx, dy, sign = {
-            "rings": (
-                -r,
-                0.0,
-                f"a{r:.3g} {r:.3g} 0 1 0 {d:.3g} 0a{r:.3g} {r:.3g} 0 1 0 {-d:.3g} 0",
-            ),
-            "squares": (-r, -r, f"h{d:.3g}v{d:.3g}h{-d:.3g}z"),
-            "crosses": (-r, -r, f"l{d:.3g} {d:.3g}m{-d:.3g} 0l{d:.3g} {-d:.3g}"),
-        }.get(mark.kind, (0.0, 0.0, "h0"))
-        if mark.kind == "dots":
-            width = 2.0 * _DOT * mark.width  # of no length, with round ends
+        r = (_DOT - 0.4) * mark.width
+        d, arc = 2.0 * r, f"a{r:.3g} {r:.3g} 0 1 0"
+        width, dx, dy, sign = {
+            "dots": (2.0 * _DOT * mark.width, 0.0, 0.0, "h0"),  # of no length, with round ends
+            "rings": (0.8 * mark.width, -r, 0.0, f"{arc} {d:.3g} 0{arc} {-d:.3g} 0"),
+            "squares": (0.8 * mark.width, -r, -r, f"h{d:.3g}v{d:.3g}h{-d:.3g}z"),
+            "crosses": (0.8 * mark.width, -r, -r, f"l{d:.3g} {d:.3g}m{-d:.3g} 0l{d:.3g} {-d:.3g}"),
+        }[mark.kind]
         path = "".join(f"M{a + dx:.1f} {b + dy:.1f}{sign}" for a, b in zip(x[seen], y[seen]))
     return f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
 

@@ -55,7 +55,7 @@ def write_recording(
     flights: Mapping[str, FlightRecord],
     *,
     model: mujoco.MjModel,
-    on_progress: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write flights by name as a Rerun recording (.rrd) and return its path.
 
@@ -79,13 +79,11 @@ def write_recording(
         recording.send_blueprint(layout, make_active=False, make_default=True)
         for name, record in flights.items():
             _log_flight(recording, name, record, parts)
-            if on_progress is not None:
-                on_progress(name)
-        recorded = memory.drain_as_bytes()
+            on_progress(name)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(memory.drain_as_bytes())
     finally:
         recording.disconnect()
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(recorded)
     return path
 
 
@@ -191,16 +189,17 @@ def _is_posed(record: FlightRecord) -> bool:
     return all(name in record for name in (*ATTITUDES, *POSITIONS))
 
 
-def _times(time: Array) -> list[rr.TimeColumn]:
-    return [rr.TimeColumn(TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))]
+def _send(recording: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:
+    stamps = rr.TimeColumn(TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
+    recording.send_columns(entity, indexes=[stamps], columns=columns)
 
 
 def _log_flight(
     recording: rr.RecordingStream, name: str, record: FlightRecord, parts: Parts
 ) -> None:
     root, provenance = rr.escape_entity_path_part(name), dict(record.provenance)
-    text = json.dumps(provenance, sort_keys=True)
-    recording.send_property(name, rr.AnyValues(provenance=text))
+    told = rr.AnyValues(provenance=json.dumps(provenance, sort_keys=True))
+    recording.send_property(name, told)
     step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0
     every = slice(None, None, max(1, int(1.0 / (_HZ * step) + 1e-6)))
     seen = FlightRecord(record.time[every], record.values[every], record.channels, provenance)
@@ -208,16 +207,13 @@ def _log_flight(
         entity = f"{root}/{rr.escape_entity_path_part(family)}"
         labels = [f"{channel} [{record.unit(channel)}]" for channel in names]
         inks = [_INKS[k % len(_INKS)] for k in range(len(names))]
-        look = rr.SeriesLines(names=labels, colors=inks)
-        recording.log(entity, look, static=True)
-        columns = rr.Scalars.columns(scalars=seen.select(names))
-        recording.send_columns(entity, indexes=_times(seen.time), columns=columns)
+        recording.log(entity, rr.SeriesLines(names=labels, colors=inks), static=True)
+        _send(recording, entity, seen.time, rr.Scalars.columns(scalars=seen.select(names)))
     reached = provenance.get("reached")
-    phases = reached.get("phases", ()) if isinstance(reached, Mapping) else ()
-    if phases:
-        times, texts = zip(*sorted(phases))
+    if isinstance(reached, Mapping) and reached.get("phases"):
+        times, texts = zip(*sorted(reached["phases"]))
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts))
-        recording.send_columns(f"{root}/log", indexes=_times(np.array(times)), columns=columns)
+        _send(recording, f"{root}/log", np.array(times), columns)
     if _is_posed(record):
         _log_space(recording, f"{root}/world", seen, parts)
 
@@ -248,8 +244,8 @@ def _log_space(
     if "load" in parts and LOAD_CHANNELS[0] in record:
         (shapes, hook), cable = parts["load"], record.select(LOAD_CHANNELS)
         _log_part(recording, f"{entity}/load", shapes, record, hook + cable, _turn_down(cable))
-        columns = rr.LineStrips3D.columns(strips=[[hook, hook + one] for one in cable])
-        recording.send_columns(f"{entity}/cable", indexes=_times(record.time), columns=columns)
+        strips = [[hook, hook + one] for one in cable]
+        _send(recording, f"{entity}/cable", record.time, rr.LineStrips3D.columns(strips=strips))
     # the camera follows an entity only if it has a shape of its own
     recording.log(entity, rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.001]), static=True)
 
@@ -267,7 +263,7 @@ def _log_part(
     columns = rr.Transform3D.columns(
         translation=np.broadcast_to(place, (len(record), 3)), quaternion=turn.as_quat()
     )
-    recording.send_columns(entity, indexes=_times(record.time), columns=columns)
+    _send(recording, entity, record.time, columns)
 
 
 def _log_ground(recording: rr.RecordingStream, world: str, record: FlightRecord) -> None:

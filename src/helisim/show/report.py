@@ -58,8 +58,9 @@ def write_report(folder: str | Path, run: Run | None = None) -> Path:
     }
     for item in run.models:
         drawings[item.name] = [draw_pair(item, *pair) for pair in pairs_of(item.fit)]
-        flown = draw_verifications(f"time_{item.name}", item.verification, item.verified_on)
-        drawings[f"time {item.name}"] = flown
+        drawings[f"time {item.name}"] = draw_verifications(
+            f"time_{item.name}", item.verification, item.verified_on
+        )
     make_folder(folder / FIGURES)
     for group in drawings.values():
         for drawing in group:
@@ -74,7 +75,7 @@ def write_fit_report(
     *,
     records: Mapping[str, FlightRecord] | None = None,
     verification: Verification | None = None,
-    on_progress: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write a report of one identified model and return its path. Raises StorageError.
 
@@ -85,8 +86,7 @@ def write_fit_report(
     flights = []
     for k, (name, record) in enumerate((records or {}).items()):
         flights.append(draw_flight(f"flight_{k}", name, record, signals))
-        if on_progress is not None:
-            on_progress(name)
+        on_progress(name)
     low, high = fit.band
     lead = (
         f"{'; '.join(fit.data.pairs)} from {len(fit.data.sources)} record(s), "
@@ -192,8 +192,8 @@ def _results_tables(run: Run) -> str:
         parts += [
             paragraph(_IN_PAPER.get(one.name, ""), "note"),
             page.block(tables.comparison(one)),
+            page.folded("tolerances", page.bullets(_tolerances(one))),
         ]
-        parts.append(page.folded("tolerances", page.bullets(_tolerances(one))))
     return "\n".join(parts)
 
 

@@ -68,6 +68,11 @@ def number(value: float | None, form: str = ".4g") -> str:
     return text.lstrip("+-") if float(text) == 0.0 else text
 
 
+def numbers(values: Iterable[float | None], form: str) -> tuple[str, ...]:
+    """Return numbers as texts of one format; see `number`."""
+    return tuple(number(value, form) for value in values)
+
+
 def common_form(values: Iterable[float | None], digits: int = 4) -> str:
     """Return the format that gives the largest number its digits, and all the same decimals."""
     sizes = [abs(value) for value in values if value is not None and math.isfinite(value)]

@@ -22,6 +22,7 @@ from helisim.show.table import (
     common_form,
     interval_form,
     number,
+    numbers,
     table,
 )
 from helisim.study.paper import published
@@ -79,18 +80,13 @@ def _given(one: GivenValue) -> str:
 
 def _compared(name: str, row: ParameterRow) -> tuple[str, ...]:
     values = (row.paper, row.truth, row.identified)
-    form = common_form(values)
     printed = published("jr700").get(name).get(row.name)
     is_its = printed is not None and printed.value == row.paper  # of no other vehicle
     of_paper = printed.cr_percent if printed and is_its else None
-    bounds = (row.cr_percent, row.insensitivity_percent, of_paper)
     return (
-        row.name,
-        row.unit,
-        *(number(value, form) for value in values),
-        *(number(bound, PERCENT) for bound in bounds),
-        row.support or "-",
-        row.agreement,
+        *(row.name, row.unit, *numbers(values, common_form(values))),
+        *numbers((row.cr_percent, row.insensitivity_percent, of_paper), PERCENT),
+        *(row.support or "-", row.agreement),
     )
 
 
@@ -116,12 +112,10 @@ def gyro_changes(found: GyroEffect) -> Table:
 
 
 def _changed(one: Change) -> tuple[str, ...]:
-    first = common_form((one.paper_before, one.before))
-    second = common_form((one.paper_after, one.after))
     printed = (one.paper_before, one.paper_after, one.paper_ratio)
     ours = (one.before, one.after, one.ratio)
-    forms = (first, second, ".3f") * 2
-    return (one.name, one.unit, *map(number, (*printed, *ours), forms))
+    forms = (*map(common_form, zip(printed[:2], ours)), ".3f")
+    return (one.name, one.unit, *map(number, (*printed, *ours), forms * 2))
 
 
 def errata(found: Sequence[Erratum]) -> Table:
@@ -139,8 +133,7 @@ def overall(found: OverallCheck) -> Table:
     rows = []
     for one in found.coefficients:
         values = (one.paper, one.parts, one.direct)
-        form = common_form(values, digits=5)
-        texts = (number(value, form) for value in values)
+        texts = numbers(values, common_form(values, digits=5))
         rows.append((one.name, one.unit, *texts, number(one.difference_percent, "+.2f")))
     note = (
         f"Largest differences from {low:.3g} to {high:.3g} rad/s: {found.gain_db:+.2f} dB "
@@ -227,8 +220,8 @@ def usable_bands(frf: FrequencyResponse) -> Table:
         said = (f"nowhere: coherence below {USABLE_COHERENCE}", "-", "-")
         if where.any():
             first, last = frf.frequency[where][[0, -1]]
-            error = 100.0 * frf.random_error[at][where].mean()
-            means = number(frf.coherence[at][where].mean(), ".3f"), number(error, PERCENT)
+            coherence, error = frf.coherence[at][where].mean(), frf.random_error[at][where].mean()
+            means = (number(coherence, ".3f"), number(100.0 * error, PERCENT))
             said = (f"{first:.3g} to {last:.3g}", *means)
         rows.append((name, *said))
     return table("", "response<|usable band [rad/s]|coherence|random error [%]", rows)
@@ -299,9 +292,8 @@ def measured_margins(found: MeasuredMargins) -> Table:
     """Return figures of a measured loop with intervals, in degrees, dB and SI."""
     rows = []
     for one in found.figures:
-        form = interval_form(one.interval.high - one.interval.low, ".4g")
-        values = (one.interval.value, one.interval.low, one.interval.high)
-        texts = (number(value, form) for value in values)
+        value, low, high = one.interval.value, one.interval.low, one.interval.high
+        texts = numbers((value, low, high), interval_form(high - low, ".4g"))
         rows.append((one.axis, one.at, one.name.replace("_", " "), *texts, one.unit))
     return table("Measured", "axis<|cut at<|figure<|value|95 % from|to|unit<", rows)
 
@@ -313,16 +305,15 @@ def design(result: DesignResult) -> Table:
         criterion = one.spec.criterion
         limits = criterion.limits if one.spec.kind in ("hard", "soft") else {}
         for name, limit in limits.items():
-            unit = criterion.units.get(name, "")
-            ratings = (one.before, one.nominal, one.worst)
-            values = [limit.level1]
-            values += [None if each is None else each.figures.get(name) for each in ratings]
+            unit, ratings = criterion.units.get(name, ""), (one.before, one.nominal, one.worst)
+            found = [None if each is None else each.figures.get(name) for each in ratings]
             figure = _called(name)
             if isinstance(criterion, LoadRejection):
                 figure = f"turned by {axis_of(criterion.by).word} load"
             rows.append(
                 (
-                    *(criterion.word, figure, *(_for_people(value, unit) for value in values)),
+                    *(criterion.word, figure, _for_people(limit.level1, unit)),
+                    *(_for_people(value, unit) for value in found),
                     *(_degrees(unit), number(100.0 * one.share, _FIGURE)),
                 )
             )

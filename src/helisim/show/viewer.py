@@ -17,18 +17,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.base.errors import DisplayError, DivergedError, InputError
+from helisim.base.errors import DisplayError, DivergedError
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.sim import Ground, Pilot
+from helisim.sim import Ground, Pilot, Weather
 from helisim.sim.excitation import Excitation, check_excitation, injection
-from helisim.sim.flight import steps
+from helisim.sim.flight import at_least, begin, steps
 from helisim.sim.limits import broken
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import addresses, root_body
-from helisim.vehicle.trim import place
 
 if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft
@@ -82,15 +81,12 @@ def prepare_live(
 
     The `ground` is without effect if None; `seed`, of the pilot's remnant, is 0 or more.
     """
-    if seed < 0:
-        raise InputError(f"seed must be 0 or more, got {seed}")
     model = vehicle.visual_model(None if ground is None else ground.put_into)
-    height = hover_height(model)
+    height, par = hover_height(model), model.actuator_user[addresses(model).rotor]
     if ground is not None:
         vehicle = ground.felt_by(vehicle).trimmed(height=height)
-        model.actuator_user[addresses(model).rotor, PARAM.ground_effect] = ground.effect
-    par = model.actuator_user[addresses(model).rotor]
-    Pilot().write(par, vehicle, seed=seed, height=height)
+        par[PARAM.ground_effect] = ground.effect
+    Pilot().write(par, vehicle, seed=at_least("seed", seed, 0), height=height)
     added = None
     if excitation is not None:
         check_excitation(excitation)
@@ -98,9 +94,7 @@ def prepare_live(
         excitation.write(par)
         added = injection(excitation, vehicle)
     data = mujoco.MjData(model)
-    place(model, data, vehicle.trim, height=height)
-    if ground is not None:
-        ground.begin(vehicle, model, data)
+    begin(vehicle, model, data, Weather(), ground, height=height)
     with installed():
         mujoco.mj_forward(model, data)
     return LiveFlight(model, data, added)
@@ -157,11 +151,11 @@ def watch(
     pace = Pace(data.time, clock, sleep)
     with installed():
         while window.is_running() and data.time < end - 0.5 * step:
-            until = min(pace.due(data.time), end)
+            times = (data.time, min(pace.due(data.time), end))
+            made, due = (round(time / step) for time in times)
             with window.lock():
-                while data.time < until - 0.5 * step:
-                    made = round(data.time / step)
-                    next(steps(model, data, added=flight.added, first=made))
+                for _ in steps(model, data, added=flight.added, first=made, count=due):
+                    pass
                 rotors.draw(data)
             if broken(data):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
@@ -327,6 +321,4 @@ def _follow(flight: LiveFlight, aircraft: Aircraft) -> None:
     model, data = flight.model, flight.data
     for name in _STATE:
         setattr(data, name, getattr(aircraft.data, name))
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
+    mujoco.mj_fwdPosition(model, data)
