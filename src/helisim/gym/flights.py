@@ -66,8 +66,10 @@ class Flights:
         self._controllers = ExitStack()
         weakref.finalize(self, self._controllers.close)
         controller = self.vehicle.controller
-        flying = [controller.flying(one) for one in self._models] if controller.laws else []
-        self._laws = [self._controllers.enter_context(one) for one in flying]
+        self._laws = [
+            self._controllers.enter_context(controller.flying(one))
+            for one in (self._models if controller.laws else ())
+        ]
         self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
         threads = min(count, thread_count(setup.threads))
         self._data = [mujoco.MjData(model) for _ in range(threads)]
@@ -180,20 +182,21 @@ class Flights:
     def _judged(
         self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_]
     ) -> Stepped:
-        situation = self._situation()
-        seen = self._observed(situation)
+        seen, situation = self._observed()
         reward = self._shaped("reward", self.task.reward(situation, seen), (self.count,))
         motions = situation.motions
         through = motions.body_velocity - self._air
         state = (motions.attitude, motions.rates, motions.position, motions.flapping, through)
         found = self._limits.beyond(*(one.T for one in state))
-        beyond: dict[str, Any] = {name: rows for name, _, rows in found}
-        beyond["distance"] = self._shaped("lost", self.task.lost(situation, seen), (self.count,))
-        beyond["finite state"] = ~np.isfinite(seen).all(axis=0)
         failures = ((row, law()) for row, law in enumerate(self._laws))
         name = self.vehicle.controller.name
         failed = {row: f"controller {name!r} {one.why}" for row, one in failures if one}
-        beyond["controller"] = np.isin(np.arange(self.count), list(failed))
+        beyond: dict[str, Any] = {
+            **{name: rows for name, _, rows in found},
+            "distance": self._shaped("lost", self.task.lost(situation, seen), (self.count,)),
+            "finite state": ~np.isfinite(seen).all(axis=0),
+            "controller": np.isin(np.arange(self.count), list(failed)),
+        }
         terminated = np.any(list(beyond.values()), axis=0) & ~started
         reward[started] = 0.0
         why = {
@@ -205,16 +208,18 @@ class Flights:
             for row in np.flatnonzero(due).tolist():
                 self._commands[:, row] = self._commanded(randoms[row])
                 self._until[row] += self.task.interval
-            seen = self._observed(situation) if due.any() else seen
+            seen = self._observed()[0] if due.any() else seen
         return self._scaled(seen), np.nan_to_num(reward), terminated, why
 
     def look(self) -> NDArray[np.float32]:
         """Return what each agent sees now, (n, n_observation)."""
-        return self._scaled(self._observed(self._situation()))
+        return self._scaled(self._observed()[0])
 
-    def _observed(self, situation: Situation) -> NDArray[np.float64]:
+    def _observed(self) -> tuple[NDArray[np.float64], Situation]:
+        motions = Motions.read(self.states, *self._motion_at)
+        situation = Situation(motions, self._commands, self._actions, self._before)
         shape = (len(self.task.observations), self.count)
-        return self._shaped("observe", self.task.observe(situation), shape)
+        return self._shaped("observe", self.task.observe(situation), shape), situation
 
     def _shaped(self, what: str, given: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
         if np.shape(given) != shape:
@@ -223,10 +228,6 @@ class Flights:
                 f"helicopter, got {np.shape(given)}"
             )
         return given
-
-    def _situation(self) -> Situation:
-        motions = Motions.read(self.states, *self._motion_at)
-        return Situation(motions, self._commands, self._actions, self._before)
 
     def _scaled(self, seen: NDArray[np.float64]) -> NDArray[np.float32]:
         scaled = np.clip(np.nan_to_num(seen * self._scale), -BOUND, BOUND)

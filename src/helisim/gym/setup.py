@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, check_known
 from helisim.base.settings import check, is_number, setting, setting_names
 from helisim.gym.task import Hover, Task, Track
 from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
@@ -118,8 +118,8 @@ class Setup:
 
     def __post_init__(self) -> None:
         check(self, "setting")
-        if not isinstance(self.task, Task) and self.task not in TASKS:
-            raise UnknownNameError("task", self.task, TASKS)
+        if not isinstance(self.task, Task):
+            check_known("task", [self.task], TASKS)
 
     def loaded(self) -> Vehicle:
         """Return the vehicle, trimmed for the weather where that is always the same.
@@ -206,9 +206,8 @@ class Spread:
     def __init__(self, vehicle: Vehicle, relative: Mapping[str, float]) -> None:
         own, model = vehicle.parameters, vehicle.model
         self.names = tuple(relative)
+        check_known("parameter", self.names, sorted([*own, MASS]))
         for name, width in relative.items():
-            if name != MASS and name not in own:
-                raise UnknownNameError("parameter", name, sorted([*own, MASS]))
             if not (is_number(width) and 0.0 <= width < 1.0):
                 raise InputError(
                     f"spread of {name!r} must be relative, from 0 to below 1, got {width!r}"

@@ -85,8 +85,7 @@ def fly_in(
     Returns the records that were written. Raises StorageError, or InputError for a missing axis.
     """
     flight = cockpit.flight
-    rotors = Rotors(flight.model)
-    pace = Pace(flight.time, clock, sleep)
+    rotors, pace = Rotors(flight.model), Pace(flight.time, clock, sleep)
     last = clock()
     end = math.inf if duration is None else last + duration
     try:

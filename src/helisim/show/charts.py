@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,7 +21,6 @@ from helisim.show.plots import DEGREES, beside, decibels, labelled, spread_out
 if TYPE_CHECKING:
     from helisim.design.design import Judged
 
-Loops = Mapping[str, Curve]
 Ratings = Rating | Sequence[Rating]
 Look = tuple[Literal["dots", "rings", "squares", "crosses"], Ink, float]
 """Kind, ink and width of a mark."""
@@ -118,15 +117,13 @@ def draw_chart(
         label = "" if level in seen else f"Level {level}"
         seen.add(level)
         areas.append(Area(_GROUNDS[level], across, up[0] if up else (0.0, 1.0), label))
-    points: list[list[Mark]] = [[], [], []]  # clouds, intervals on them, ratings on top
+    drawn = []
     for k, one in enumerate(placed):
-        row = 1.0 - (k + 0.5) / len(placed)
-        for drawn, some in zip(points, _points(one, k, axes, row)):
-            drawn.extend(some)
+        drawn += _points(one, k, axes, 1.0 - (k + 0.5) / len(placed))
     strip = len(axes) == 1
     panel = Panel(
         "" if strip else axes[1].label,
-        tuple(mark for some in points for mark in some),
+        tuple(mark for _, mark in sorted(drawn, key=lambda one: one[0])),
         _ROW * max(1, len(placed)) if strip else _HEIGHT,
         limits=axes[-1].ends,
         areas=tuple(areas),
@@ -175,7 +172,7 @@ def chart_name(criterion: Criterion) -> str:
     return "_".join(filter(None, (criterion.name, criterion.axis, *more)))
 
 
-def draw_loops(name: str, title: str, curves: Loops) -> Drawing:
+def draw_loops(name: str, title: str, curves: Mapping[str, Curve]) -> Drawing:
     """Draw magnitude and phase of curves by label; measured ones have bars of 95 %."""
     gains: list[Mark] = []
     phases: list[Mark] = []
@@ -211,7 +208,8 @@ def _look(label: str, place: int) -> Look:
 
 def _points(
     one: Shown, place: int, axes: Sequence[_Axis], row: float
-) -> tuple[list[Mark], list[Mark], list[Mark]]:
+) -> Iterator[tuple[int, Mark]]:
+    """Yield layer and mark: a cloud, intervals on it, and the rating on top."""
     kind, ink, width = _look(one.label, place)
 
     def at(figures: Mapping[str, float]) -> list[float]:
@@ -220,11 +218,10 @@ def _points(
 
     cloud = np.array([at(each) for each in one.draws]).reshape(-1, 2).T
     x, y = at(one.figures)
-    intervals = []
+    yield 0, Mark("dots", ink, x=cloud[0], y=cloud[1], width=0.5)
     for k, axis in enumerate(axes):
         if axis.figure in one.intervals:
             ends = np.array([axis.clipped(end) for end in one.intervals[axis.figure]])
             pair = (ends, np.full(2, y)) if k == 0 else (np.full(2, x), ends)
-            intervals.append(Mark("line", ink, x=pair[0], y=pair[1], width=1.4))
-    point = Mark(kind, ink, np.array([x]), np.array([y]), label=one.label, width=width)
-    return [Mark("dots", ink, x=cloud[0], y=cloud[1], width=0.5)], intervals, [point]
+            yield 1, Mark("line", ink, x=pair[0], y=pair[1], width=1.4)
+    yield 2, Mark(kind, ink, np.array([x]), np.array([y]), label=one.label, width=width)

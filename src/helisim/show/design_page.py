@@ -44,15 +44,14 @@ def write_design_page(
     if proof is not None:
         loops |= {"exact": proof.exact, "flown": proof.measured}
     known = {label: loop for label, loop in loops.items() if loop is not None}
-    specs = page.preformatted(specs_to_toml(result.specs))
-    source = page.as_json(dict(result.provenance))
+    specs, source = specs_to_toml(result.specs), page.as_json(dict(result.provenance))
     sections = [
         ("criteria", "Handling qualities", _criteria(result, proof)),
         ("numbers", "Asked, predicted, exact, flown", _numbers(result, proof) if proof else ""),
         ("loops", "Broken loops", _loops(known)),
         ("steps", "Before and after", page.figures(_flights(proof)) if proof else ""),
         ("law", "The law", page.preformatted(result.law.to_toml())),
-        ("asked", "What was asked", page.folded("specs.toml", specs)),
+        ("asked", "What was asked", page.folded("specs.toml", page.preformatted(specs))),
         ("provenance", "Provenance", page.folded("the design", source)),
     ]
     title = "A control law from identified models"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, check_known
 from helisim.ident import Fit, FrequencyResponse, Verification
 from helisim.records.record import FlightRecord
 from helisim.show import page, tables
@@ -115,10 +115,10 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
 
 
 def _verification_page(verification: Verification) -> tuple[str, ...]:
-    good = "acceptable" if verification.acceptable else "not acceptable"
+    judged = "acceptable" if verification.acceptable else "not acceptable"
     return (
         "Verification",
-        paragraph(f"Theil's coefficient {verification.tic:.3f}: {good}."),
+        paragraph(f"Theil's coefficient {verification.tic:.3f}: {judged}."),
         page.table(tables.verification({"": verification.figures})),
         page.figures(draw_verifications("", verification)[:_FEW]),
     )
@@ -141,9 +141,12 @@ def _run_page(run: Run) -> tuple[str, ...]:
 
 
 def _design_page(result: DesignResult) -> tuple[str, ...]:
-    drawings = page.figures(_judged(result))
-    shown = page.block(tables.design(result))
-    return ("Design of a control law", shown, page.bullets(result.misses), drawings)
+    return (
+        "Design of a control law",
+        page.block(tables.design(result)),
+        page.bullets(result.misses),
+        page.figures(_judged(result)),
+    )
 
 
 _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
@@ -198,7 +201,6 @@ def _listed(names: Names, what: str) -> list[str]:
 
 def _chosen(outputs: Sequence[str], inputs: Sequence[str], pairs: Names) -> list[tuple[str, str]]:
     known = {f"{output}/{input_}": (output, input_) for output in outputs for input_ in inputs}
-    for name in (names := _listed(pairs, "pairs") or list(known)):
-        if name not in known:
-            raise UnknownNameError("response", name, known)
+    names = _listed(pairs, "pairs") or list(known)
+    check_known("response", names, known)
     return [known[name] for name in names]

@@ -114,11 +114,15 @@ def block(shown: Table) -> str:
     return heading(shown.title) + paragraph(lead) + table(shown)
 
 
-def figures(drawings: Iterable[Drawing]) -> str:
-    """Return drawings side by side, "" for none."""
-    inner = "\n".join(
-        f'<figure id="{escape(one.name)}">{one.inline}'
-        f"<figcaption>{escape(one.caption)}</figcaption></figure>"
-        for one in drawings
-    )
+def figures(drawings: Iterable[Drawing], folder: Path | None = None) -> str:
+    """Return drawings side by side, "" for none; write each into the folder too, if given."""
+    parts = []
+    for one in drawings:
+        parts.append(
+            f'<figure id="{escape(one.name)}">{one.inline}'
+            f"<figcaption>{escape(one.caption)}</figcaption></figure>"
+        )
+        if folder is not None:
+            one.write(folder)
+    inner = "\n".join(parts)
     return f'<div class="figures">\n{inner}\n</div>' if inner else ""

@@ -198,8 +198,8 @@ def _log_flight(
     recording: rr.RecordingStream, name: str, record: FlightRecord, parts: Parts
 ) -> None:
     root, provenance = rr.escape_entity_path_part(name), dict(record.provenance)
-    told = rr.AnyValues(provenance=json.dumps(provenance, sort_keys=True))
-    recording.send_property(name, told)
+    text = json.dumps(provenance, sort_keys=True)
+    recording.send_property(name, rr.AnyValues(provenance=text))
     step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0
     every = slice(None, None, max(1, int(1.0 / (_HZ * step) + 1e-6)))
     seen = FlightRecord(record.time[every], record.values[every], record.channels, provenance)
@@ -284,11 +284,13 @@ def _log_ground(recording: rr.RecordingStream, world: str, record: FlightRecord)
     lines = np.arange(-_GROUND, _GROUND + 1e-9, _MESH)
     strips = [[[x, -_GROUND, 0.0], [x, _GROUND, 0.0]] for x in lines]
     strips += [[[-_GROUND, y, 0.0], [_GROUND, y, 0.0]] for y in lines]
-    place = np.array([north, east, level])
-    mesh = rr.LineStrips3D(np.array(strips) + place, colors=[(120, 135, 105)], radii=[0.02])
-    recording.log(f"{entity}/lines", mesh, static=True)
-    surface = _slab((north, east, level + 0.04), (_GROUND, _GROUND, 0.02), (74, 88, 66))
-    recording.log(f"{entity}/surface", surface, static=True)
+    mesh = np.array(strips) + np.array([north, east, level])
+    shapes = {
+        "lines": rr.LineStrips3D(mesh, colors=[(120, 135, 105)], radii=[0.02]),
+        "surface": _slab((north, east, level + 0.04), (_GROUND, _GROUND, 0.02), (74, 88, 66)),
+    }
+    for name, shape in shapes.items():
+        recording.log(f"{entity}/{name}", shape, static=True)
 
 
 def _slab(centre: Sequence[float], half: Sequence[float], colour: Sequence[int]) -> rr.Boxes3D:

@@ -1,6 +1,6 @@
 """Self-contained reports of a run and of a fit."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from helisim.base.files import make_folder
@@ -35,8 +35,6 @@ _OF_SWEEP = {  # axis -> name and channels of its sweep
     "ped": ("pedal", "PED", "ped", "r", "psi", "v"),
 }
 
-Drawings = Mapping[str, Sequence[Drawing]]
-
 
 def write_report(folder: str | Path, run: Run | None = None) -> Path:
     """Write FOLDER/report.html and figures of a run, None: that in the folder; return its path.
@@ -45,28 +43,9 @@ def write_report(folder: str | Path, run: Run | None = None) -> Path:
     """
     folder = Path(folder)
     run = run or read_run(folder)
-    drawings: dict[str, Sequence[Drawing]] = {
-        "sweeps": [
-            draw_flight(
-                f"sweep_{axis}",
-                f"{_OF_SWEEP[axis][0]} sweep",
-                record,
-                [name for name in _OF_SWEEP[axis][1:] if name in record],
-            )
-            for axis, record in run.sweeps.items()
-        ]
-    }
-    for item in run.models:
-        drawings[item.name] = [draw_pair(item, *pair) for pair in pairs_of(item.fit)]
-        drawings[f"time {item.name}"] = draw_verifications(
-            f"time_{item.name}", item.verification, item.verified_on
-        )
-    make_folder(folder / FIGURES)
-    for group in drawings.values():
-        for drawing in group:
-            drawing.write(folder / FIGURES)
+    sections = _sections(run, make_folder(folder / FIGURES))
     title = "The JR700 swept, identified and compared"
-    return page.write_page(folder / REPORT, title, _sections(run, drawings), _summary(run.results))
+    return page.write_page(folder / REPORT, title, sections, _summary(run.results))
 
 
 def write_fit_report(
@@ -93,14 +72,12 @@ def write_fit_report(
         f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}; "
         f"{fit.verdict}."
     )
-    bode = page.figures(draw_pair(item, *pair) for pair in pairs_of(fit))
-    predicted = draw_verifications(f"time_{item.name}", verification)
     sections = [
         ("parameters", "Parameters", page.table(tables.fitted(fit)) + _meanings()),
         ("modes", "Modes", page.table(tables.fit_modes(fit))),
         ("responses", "Responses", _fit_quality(fit)),
-        ("bode", "Frequency responses", bode),
-        ("time", "Verification in the time domain", _verified(item, predicted)),
+        ("bode", "Frequency responses", _pairs(item)),
+        ("time", "Verification in the time domain", _verified(item)),
         ("flights", "Records", page.figures(flights)),
         ("omitted", "What was left out, and warnings", page.bullets(fit.remarks)),
         ("provenance", "Provenance", page.folded("the fit", page.as_json(fit.provenance))),
@@ -109,10 +86,10 @@ def write_fit_report(
     return page.write_page(Path(path), title, sections, paragraph(lead))
 
 
-def _sections(run: Run, drawings: Drawings) -> list[Section]:
+def _sections(run: Run, folder: Path) -> list[Section]:
     results, effect = run.results, run.results.gyro_effect
     flown = next(iter(run.sweeps.values()), None)
-    predicted = "".join(_verified(one, drawings[f"time {one.name}"]) for one in run.models)
+    predicted = "".join(_verified(one, folder) for one in run.models)
     lead = (
         "The paper's Figures 7 and 8: flights that no fit has seen, predicted by the identified "
         "models; only bias, trim and initial state are estimated. Theil's coefficient (TIC) is 0 "
@@ -126,7 +103,7 @@ def _sections(run: Run, drawings: Drawings) -> list[Section]:
         + page.folded("configuration", page.as_json(dict(results.configuration)))
     )
     quality = "".join(page.heading(one.name) + _fit_quality(one.fit) for one in run.models)
-    changes = page.table(tables.gyro_changes(effect)) if effect else ""
+    swept = (_sweep(axis, record) for axis, record in run.sweeps.items())
     return [
         ("experiment", "The experiment", _experiment(results)),
         ("airframe", "Table 1, the helicopter", page.table(tables.airframe(flown))),
@@ -136,16 +113,30 @@ def _sections(run: Run, drawings: Drawings) -> list[Section]:
             "".join(map(page.block, map(tables.rig, results.ground.values()))),
         ),
         ("tables", "Tables 2 to 4, the models", _results_tables(run)),
-        ("gyro", "Before and after the gyro", changes),
+        (
+            "gyro",
+            "Before and after the gyro",
+            page.table(tables.gyro_changes(effect)) if effect else "",
+        ),
         ("overall", "Eq. (8)", page.block(tables.overall(results.eq_8)) if results.eq_8 else ""),
-        ("bode", "Frequency responses", _bode(run, drawings)),
+        ("bode", "Frequency responses", _bode(run, folder)),
         ("quality", "Costs and correlations", quality),
         ("time", "Verification in the time domain", predicted and paragraph(lead) + predicted),
-        ("sweeps", "One kept sweep of each axis", page.figures(drawings["sweeps"])),
+        ("sweeps", "One kept sweep of each axis", page.figures(swept, folder)),
         ("omitted", "What was left out, and why", page.bullets(omitted)),
         ("errata", "Errors in the paper", page.table(tables.errata(errata()))),
         ("provenance", "Provenance", provenance),
     ]
+
+
+def _sweep(axis: str, record: FlightRecord) -> Drawing:
+    word, *names = _OF_SWEEP[axis]
+    shown = [name for name in names if name in record]
+    return draw_flight(f"sweep_{axis}", f"{word} sweep", record, shown)
+
+
+def _pairs(item: IdentifiedModel, folder: Path | None = None) -> str:
+    return page.figures((draw_pair(item, *pair) for pair in pairs_of(item.fit)), folder)
 
 
 def _summary(results: Results) -> str:
@@ -209,7 +200,7 @@ def _tolerances(one: ComparisonTable) -> list[str]:
     ]
 
 
-def _bode(run: Run, drawings: Drawings) -> str:
+def _bode(run: Run, folder: Path) -> str:
     lead = (
         "Dots: estimated from the flights, hollow where the coherence is below "
         f"{USABLE_COHERENCE:g}, with bars of two random errors. Solid: the identified model. "
@@ -220,17 +211,18 @@ def _bode(run: Run, drawings: Drawings) -> str:
     blocks = (
         page.heading(f"{item.name}: {_IN_PAPER.get(item.name, '')}".rstrip(": "))
         + paragraph(item.note, "note")
-        + page.figures(drawings[item.name])
+        + _pairs(item, folder)
         for item in run.models
     )
     return "\n".join([paragraph(lead, "note"), *blocks]) if run.models else ""
 
 
-def _verified(item: IdentifiedModel, drawn: Sequence[Drawing]) -> str:
+def _verified(item: IdentifiedModel, folder: Path | None = None) -> str:
     if item.verification is None:
         return ""
     shown = tables.verification({item.name: item.verification.figures})
-    return page.table(shown) + page.figures(drawn)
+    drawn = draw_verifications(f"time_{item.name}", item.verification, item.verified_on)
+    return page.table(shown) + page.figures(drawn, folder)
 
 
 def _fit_quality(fit: Fit) -> str:

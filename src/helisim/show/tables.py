@@ -97,9 +97,12 @@ def verification(found: Mapping[str, VerificationFigures]) -> Table:
         for model, figures in found.items()
         for one in figures.outputs
     )
-    notes = [(model, str(one.approach)) for model, one in found.items() if one.approach]
-    title = "Verified on flights that no fit has seen"
-    return table(title, "model<|output<|unit<|J_rms|TIC", rows, notes=notes)
+    return table(
+        "Verified on flights that no fit has seen",
+        "model<|output<|unit<|J_rms|TIC",
+        rows,
+        notes=[(model, str(one.approach)) for model, one in found.items() if one.approach],
+    )
 
 
 def gyro_changes(found: GyroEffect) -> Table:
@@ -157,8 +160,7 @@ def rig(test: RigTest) -> Table:
         )
         for one in test.findings
     )
-    heads = "found<|unit<|value|truth|error|std error|how<*"
-    return table(test.rig, heads, rows)
+    return table(test.rig, "found<|unit<|value|truth|error|std error|how<*", rows)
 
 
 def airframe(record: FlightRecord | None) -> Table:
@@ -206,9 +208,12 @@ def responses(fit: Fit) -> Table:
                 number(left.phase[name] if left else None, _UNCERTAINTY),
             )
         )
-    heads = "response<|from [rad/s]|to [rad/s]|J|coherence|random error [%]|left [dB]|left [deg]"
-    notes = [("left", "what the model leaves beyond noise, rms")] if left else []
-    return table("Responses", heads, rows, notes=notes)
+    return table(
+        "Responses",
+        "response<|from [rad/s]|to [rad/s]|J|coherence|random error [%]|left [dB]|left [deg]",
+        rows,
+        notes=[("left", "what the model leaves beyond noise, rms")] if left else [],
+    )
 
 
 def usable_bands(frf: FrequencyResponse) -> Table:
@@ -284,8 +289,7 @@ def channels(record: FlightRecord) -> Table:
         )
         for one, values in zip(record.channels, record.values.T)
     )
-    heads = "channel<|unit<|kind<|mean|std|smallest|largest|meaning<"
-    return table("Channels", heads, rows)
+    return table("Channels", "channel<|unit<|kind<|mean|std|smallest|largest|meaning<", rows)
 
 
 def measured_margins(found: MeasuredMargins) -> Table:

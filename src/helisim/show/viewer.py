@@ -146,9 +146,8 @@ def watch(
     Raises DivergedError.
     """
     model, data = flight.model, flight.data
-    rotors = Rotors(model)
     step, end = model.opt.timestep, np.inf if duration is None else duration
-    pace = Pace(data.time, clock, sleep)
+    rotors, pace = Rotors(model), Pace(data.time, clock, sleep)
     with installed():
         while window.is_running() and data.time < end - 0.5 * step:
             times = (data.time, min(pace.due(data.time), end))
