@@ -126,9 +126,8 @@ class Setup:
 
         Raises UnknownNameError, TrimError or InputError: a frame isn't whole gyro periods.
         """
-        vehicle = self.vehicle
-        if not isinstance(vehicle, Vehicle):
-            vehicle = load(vehicle, integrator="Euler")
+        given = self.vehicle
+        vehicle = given if isinstance(given, Vehicle) else load(given, integrator="Euler")
         step, period = vehicle.model.opt.timestep, vehicle.parameters["gyro.period"]
         periods = self.frame_skip * step / period
         if self.action == "servos":

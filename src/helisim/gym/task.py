@@ -51,11 +51,8 @@ class Motions(NamedTuple):
 
     def level(self, vectors: Columns) -> Columns:
         """Return vectors in earth axes, (3, n), as ahead, right and below along the heading."""
-        (cosine, sine), turned = self.heading, np.empty_like(vectors)
-        turned[0] = cosine * vectors[0] + sine * vectors[1]
-        turned[1] = cosine * vectors[1] - sine * vectors[0]
-        turned[2] = vectors[2]
-        return turned
+        (cosine, sine), (north, east, down) = self.heading, vectors
+        return np.stack([cosine * north + sine * east, cosine * east - sine * north, down])
 
 
 _ROWS = np.cumsum([0, 1, 3, 3, 3, 3, 3, 2, 2]).tolist()
@@ -203,18 +200,20 @@ class _Shipped(Task):
 
     def observe(self, situation: Situation) -> Columns:
         """Return what is missing, along the heading, and the own motion."""
-        motions = situation.motions
-        seen = np.empty((17, motions.time.size))
-        seen[:3] = motions.level(self.missing(situation))
-        asked, (cosine, sine) = situation.commands[3], motions.heading
+        motions, asked = situation.motions, situation.commands[3]
+        cosine, sine = motions.heading
         there, aside = np.cos(asked), np.sin(asked)
-        seen[3] = aside * cosine - there * sine
-        seen[4] = there * cosine + aside * sine
-        seen[5:8] = motions.body_velocity
-        seen[8:10] = motions.attitude[:2]
-        seen[10:13] = motions.rates
-        seen[13:] = situation.actions
-        return seen
+        return np.vstack(
+            [
+                motions.level(self.missing(situation)),
+                aside * cosine - there * sine,
+                there * cosine + aside * sine,
+                motions.body_velocity,
+                motions.attitude[:2],
+                motions.rates,
+                situation.actions,
+            ]
+        )
 
     def reward(self, situation: Situation, seen: Columns) -> Columns:
         """Return 1 / (1 + J)."""

@@ -1,10 +1,11 @@
 """Printed texts of commands: tables and sentences in 80 columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from helisim.records.record import IN1
 from helisim.show import tables
-from helisim.show.table import as_text, filled, number
+from helisim.show.table import Table, as_text, filled, number
 from helisim.sim.rigs import RigTest
 from helisim.study.check import VehicleCheck
 from helisim.study.errata import Erratum
@@ -30,12 +31,12 @@ _ZERO_POLE = 1e-6  # rad/s, below which poles are integrals, such as position an
 def render_results(results: Results) -> str:
     """Return tables, other findings, exclusions and missed tolerances."""
     shown = [tables.comparison(table) for table in results.tables]
-    if results.verification:
-        shown.append(tables.verification(results.verification))
-    if results.gyro_effect is not None:
-        shown.append(tables.gyro_changes(results.gyro_effect))
-    if results.eq_8 is not None:
-        shown.append(tables.overall(results.eq_8))
+    others: tuple[tuple[Callable[[Any], Table], Any], ...] = (
+        (tables.verification, results.verification),
+        (tables.gyro_changes, results.gyro_effect),
+        (tables.overall, results.eq_8),
+    )
+    shown += [tabled(found) for tabled, found in others if found]
     blocks = [as_text(table) for table in shown]
     if results.excluded:
         blocks.append(_list("Left out:", [one.message for one in results.excluded]))
