@@ -154,9 +154,10 @@ OURS = {  # other tests register their own
 @pytest.mark.parametrize("name", sorted(OURS))
 def test_every_criterion_has_a_chart_with_its_levels(name):
     drawing = draw_chart(name, OURS[name](axis="lat", **NEEDED.get(name, {})))
-    areas = drawing.panels[0].areas
+    areas = drawing.panels[0].marks
+    assert [area.kind for area in areas] == ["area"] * len(areas)
     assert [area.label for area in areas if area.label] == ["Level 1", "Level 2", "Level 3"]
-    assert [area.ground for area in areas] == sorted(area.ground for area in areas)
+    assert [area.ink for area in areas] == sorted(area.ink for area in areas)
     ElementTree.fromstring(drawing.svg.encode())
     assert not re.search(r'="[^"]*nan', drawing.svg)
 
@@ -166,7 +167,7 @@ def test_a_rating_lies_at_its_figures_or_widens_its_chart():
     figures = {"gain_margin": 8.0, "phase_margin": math.radians(50.0)}
     around = [{"gain_margin": 8.0 + k, "phase_margin": math.radians(50.0 - k)} for k in range(3)]
     one = Shown("flown", figures, around, {"phase_margin": (math.radians(48), math.radians(53))})
-    cloud, interval, point = draw_chart("a", criterion, [one]).panels[0].marks
+    *_, cloud, interval, point = draw_chart("a", criterion, [one]).panels[0].marks
     np.testing.assert_allclose((point.x, point.y), ([8.0], [50.0]))
     np.testing.assert_allclose(cloud.x, [8.0, 9.0, 10.0])
     np.testing.assert_allclose(cloud.y, [50.0, 49.0, 48.0])

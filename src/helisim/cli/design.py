@@ -152,7 +152,6 @@ def margins(o: Options) -> int:
     from helisim.handling.measured.margins import margins
     from helisim.logs.dataflash import is_dataflash
 
-    late = numbers_by_name("--late", o.late)
     how = {"axes": o.axis, "at": o.at, "band": o.band and tuple(o.band)}
     named = any((o.injected, o.total, o.returned, o.map, o.channel))
     if not named and all(path.is_file() and is_dataflash(path) for path in o.logs):
@@ -168,6 +167,7 @@ def margins(o: Options) -> int:
         with progress(len(o.logs) + 1, o.quiet) as advance:
             logs = read_logs(o, wanted, advance)
             with located(logs):
+                late = numbers_by_name("--late", o.late)
                 measured = margins(records_of(logs), cuts=cuts, late=late, **how)
             advance("margins")
         said = reports(logs)

@@ -217,8 +217,8 @@ def _adapted(o: Options, structure: "Structure") -> "Structure":
     named = [f"{value.partition('=')[0]}={error}" for value, *errors in apart for error in errors]
     errors = numbers_by_name("--fix NAME=VALUE+-ERROR:", named)
     starts = numbers_by_name("--start", o.start)
-    structure = structure.with_bounds(dict.fromkeys(bounds)).with_starts(starts)
-    return structure.with_bounds(bounds).with_fixed(fixed, errors)
+    freed = structure.with_bounds(dict.fromkeys(bounds)).with_starts(starts)
+    return freed.with_bounds(bounds).with_fixed(fixed, errors)
 
 
 def _bounds(item: str) -> tuple[str, Band]:
@@ -261,8 +261,8 @@ def _inferred(o: Options) -> "Inferred":
 
     if o.time is not None:
         raise InputError("--time is of logs without a clock; an autopilot's has one")
-    channels = given_columns(o)
-    return infer(o.logs, channels=channels, min_duration=o.min_duration, **read_options(o))
+    own = {"channels": given_columns(o), "min_duration": o.min_duration}
+    return infer(o.logs, **own, **read_options(o))
 
 
 def _inferred_work(o: Options) -> list[Work]:
@@ -326,10 +326,9 @@ def _read_sweeps(
 
     found = _inferred(o)
     found.fit("the model", inputs, outputs)  # says what wasn't swept, or isn't there
-    logs = found.read({*inputs, *outputs}, on_progress=advance)
     return tuple(
         log
-        for log in logs
+        for log in found.read({*inputs, *outputs}, on_progress=advance)
         if SID_AXES[log.records[0].provenance["sweep"]["axis"]].control in inputs
     )
 

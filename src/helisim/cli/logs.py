@@ -62,8 +62,7 @@ def read_logs(
     if wanted is not None:
         # angles tell wrong rates, and sticks are outside the loop
         beside = [name for name in (*ATTITUDES, *IN2) if name in given.channels]
-        taken = dict.fromkeys((*wanted, *beside))
-        own = {name: given.channels.get(name, Column(name)) for name in taken}
+        own = {name: given.channels.get(name, Column(name)) for name in (*wanted, *beside)}
         said = options.map is not None or options.channel or options.names
         channels = replace(given, channels=own) if said else tuple(wanted)
     return read_logs(
@@ -183,11 +182,12 @@ def _sticks(records: "Sequence[FlightRecord]", inputs: Sequence[str]) -> tuple[s
 
     of: dict[str, str] = dict(zip(IN1, IN2))
     sticks = tuple(of.get(name, "") for name in inputs)
-    there = all(name in one for one in records for name in sticks)
-    moves = there and all(
-        any(one[name].min() < one[name].max() for one in records) for name in sticks
+    move = (
+        all(name in one for one in records)
+        and any(one[name].min() < one[name].max() for one in records)
+        for name in sticks
     )
-    return sticks if moves else ()
+    return sticks if all(move) else ()
 
 
 def resolved_band(records: "Sequence[FlightRecord]") -> Band:

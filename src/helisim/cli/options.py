@@ -208,9 +208,9 @@ def imported(option: str, word: str) -> Any:
 def wrapped(text: str, *, indent: int = 0) -> str:
     """Return each line of a text within 80 columns, continued at an indent; paths stay whole."""
     options: Any = {"break_long_words": False, "break_on_hyphens": False}
-    lines = text.splitlines()
     return "\n".join(
-        textwrap.fill(one, _WIDTH, subsequent_indent=" " * indent, **options) for one in lines
+        textwrap.fill(line, _WIDTH, subsequent_indent=" " * indent, **options)
+        for line in text.splitlines()
     )
 
 
@@ -349,8 +349,7 @@ def numbers_by_name(option: str, items: Sequence[str]) -> dict[str, float]:
         try:
             values[name.strip()] = float(text)
         except ValueError:
-            message = f"{option} takes NAME=VALUE with a number, got {item!r}"
-            raise InputError(message) from None
+            raise InputError(f"{option} takes NAME=VALUE with a number, got {item!r}") from None
     return values
 
 

@@ -39,12 +39,9 @@ def vehicle_linearize(o: Options) -> int:
     vehicle = loaded(o)
     linear = vehicle.linearize(o.inputs)
     print(render_derivatives(linear, vehicle.derivatives))
-    data = {
-        **linear.to_dict(),
-        "derivatives": vehicle.derivatives,
-        "provenance": made_by("linearization", **vehicle.provenance),
-    }
-    write_data(o, data)
+    made = made_by("linearization", **vehicle.provenance)
+    more = {"derivatives": vehicle.derivatives, "provenance": made}
+    write_data(o, {**linear.to_dict(), **more})
     return 0
 
 
@@ -131,9 +128,8 @@ def vehicle_bench(o: Options) -> int:
     from helisim.show.terminal import render_rigs
     from helisim.sim.rigs import run_rigs
 
-    vehicle = loaded(o)
     with progress(3, o.quiet, unit="rig") as advance:
-        tests = run_rigs(vehicle, seed=o.seed, on_progress=advance)
+        tests = run_rigs(loaded(o), seed=o.seed, on_progress=advance)
     print(render_rigs(tests))
     return 0
 

@@ -225,9 +225,9 @@ class HandFlight:
         if deflection:
             self.deflection = Deflection(**deflection)
         end = self._steps + round(seconds / self.model.opt.timestep)
+        asked = (self._asks_each, self._ask)
+        loop = steps(self.model, self.data, asked, first=self._steps, count=end)
         with installed():
-            asked = self._asks_each, self._ask
-            loop = steps(self.model, self.data, asked, first=self._steps, count=end)
             while self._end is None and (made := next(loop, None)) is not None:
                 at_tick = self._steps % self._ticks_each == 0
                 if self._rows is not None and (self._rows or at_tick):

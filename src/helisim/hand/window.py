@@ -128,9 +128,9 @@ class Cockpit:
         for key in sorted(inputs.held - self._held):
             self._obey(key)
         self._held = inputs.held
-        climbs = self.flight.assist == "hover"
-        seconds = 0.0 if self.paused else seconds
-        deflection = self.sticks.deflection(inputs.held, inputs.axes, seconds, climbs=climbs)
+        deflection = self.sticks.deflection(
+            *inputs, 0.0 if self.paused else seconds, climbs=self.flight.assist == "hover"
+        )
         if deflection is not None:
             self.flight.deflection = deflection
         elif not self.paused:
@@ -169,11 +169,11 @@ class Cockpit:
             record = self.flight.stop_recording()
         except InputError as error:
             self._said = str(error)
-            return
-        path = next(one for one in numbered(self.out) if not one.exists())
-        self.written.append(write_record(record, path))
-        ended = f", but {record.ended}" if record.ended else ""
-        self._said = f"written: {path} ({record.duration:.1f} s){ended}"
+        else:
+            path = next(one for one in numbered(self.out) if not one.exists())
+            self.written.append(write_record(record, path))
+            ended = f", but {record.ended}" if record.ended else ""
+            self._said = f"written: {path} ({record.duration:.1f} s){ended}"
 
     def words(self) -> tuple[Rows, Rows, str]:
         """Return keys and their meaning, names and values of the flight, and a message or ""."""
@@ -239,8 +239,7 @@ class GlfwWindow:
         glfw.poll_events()
         codes = {name: getattr(glfw, f"KEY_{name.upper()}") for name in _USED}
         held = {name for name, code in codes.items() if glfw.get_key(self._window, code)}
-        axes = None if self._joystick is None else read_axes(glfw, self._joystick)
-        return Inputs(held, axes)
+        return Inputs(held, None if self._joystick is None else read_axes(glfw, self._joystick))
 
     def show(self, legend: Rows, readout: Rows, message: str) -> None:
         """Show the present state and words over it."""

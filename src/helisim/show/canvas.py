@@ -58,7 +58,7 @@ def _heights(drawing: Drawing) -> list[float]:
 
 
 def _labels(panel: Panel) -> int:
-    return sum(bool(one.label) for one in (*panel.areas, *panel.marks))
+    return sum(bool(one.label) for one in panel.marks)
 
 
 def _rows(panel: Panel) -> int:
@@ -69,9 +69,6 @@ def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
     across = drawing.across
     low, high = drawing.used or (across.low, across.high)
     for ax, panel in zip(axes, drawing.panels):
-        for area in panel.areas:
-            look = {"color": COLOURS[area.ground], "label": area.label or None, "zorder": 0}
-            ax.fill_between(area.x, *area.y, linewidth=0.0, **look)
         for mark in panel.marks:
             _mark(ax, mark)
         ax.grid(color=COLOURS["grid"], linewidth=0.6)
@@ -101,7 +98,9 @@ def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
 
 def _mark(ax: Any, mark: Mark) -> None:
     look = {"color": COLOURS[mark.ink], "label": mark.label or None}
-    if mark.kind == "bars":
+    if mark.kind == "area":
+        ax.fill_between(mark.x, mark.y, mark.top, linewidth=0.0, zorder=0, **look)
+    elif mark.kind == "bars":
         ax.vlines(mark.x, mark.y, mark.top, linewidth=0.9 * mark.width, **look)
     elif mark.kind in ("line", "dashes"):
         dashes = (4.0, 2.8) if mark.kind == "dashes" else ()

@@ -15,7 +15,7 @@ from helisim.handling.criteria import Criterion, Rating
 from helisim.handling.limit import Span
 from helisim.handling.loop import Curve
 from helisim.handling.measured.margins import MeasuredCurve
-from helisim.show.figure import Area, Array, Drawing, Ground, Ink, Mark, Panel
+from helisim.show.figure import Array, Drawing, Ink, Mark, Panel
 from helisim.show.plots import DEGREES, beside, decibels, labelled, spread_out
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ Look = tuple[Literal["dots", "rings", "squares", "crosses"], Ink, float]
 _HEIGHT, _ROW = 250.0, 17.0  # units: height of a chart's frame, and of each row of a strip
 _ENDS = (2.5, 97.5)  # percentiles that end an interval of 95 %
 _LABELS = {"drb": "disturbance rejection bandwidth", "drp": "disturbance rejection peak"}
-_GROUNDS: dict[int, Ground] = {1: "level1", 2: "level2", 3: "level3"}
+_GROUNDS: dict[int, Ink] = {1: "level1", 2: "level2", 3: "level3"}
 
 LOOKS: dict[str, Look] = {  # look by subject
     "before": ("squares", "grey", 2.2),
@@ -108,25 +108,25 @@ def draw_chart(
         raise InputError(f"{criterion.name} has no borders of levels to draw")
     placed = [one for one in shown if not any(np.isnan(one.figures.get(x, np.nan)) for x in used)]
     axes = [_axis(criterion, figure, placed) for figure in used]
-    areas, seen = [], set()
+    areas: list[Mark] = []
     across_levels, *up_levels = (list(enumerate(axis.spans, start=1)) for axis in axes)
     regions = product(across_levels, *up_levels)
     for region in sorted(regions, key=lambda one: max(level for level, _ in one)):
         level = max(level for level, _ in region)
         across, *up = (axis.inside(span) for axis, (_, span) in zip(axes, region))
-        label = "" if level in seen else f"Level {level}"
-        seen.add(level)
-        areas.append(Area(_GROUNDS[level], across, up[0] if up else (0.0, 1.0), label))
+        low, high = np.repeat(up[0] if up else (0.0, 1.0), 2).reshape(2, 2)
+        ink, known = _GROUNDS[level], {one.ink for one in areas}
+        label = "" if ink in known else f"Level {level}"
+        areas.append(Mark("area", ink, np.array(across), low, high, label))
     drawn = []
     for k, one in enumerate(placed):
         drawn += _points(one, k, axes, 1.0 - (k + 0.5) / len(placed))
     strip = len(axes) == 1
     panel = Panel(
         "" if strip else axes[1].label,
-        tuple(mark for _, mark in sorted(drawn, key=lambda one: one[0])),
+        (*areas, *(mark for _, mark in sorted(drawn, key=lambda one: one[0]))),
         _ROW * max(1, len(placed)) if strip else _HEIGHT,
         limits=axes[-1].ends,
-        areas=tuple(areas),
         bare=strip,
     )
     cut = getattr(criterion, "at", "")

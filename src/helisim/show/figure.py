@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from helisim.base.files import atomic_write
 
 Array = NDArray[np.float64]
-Ink = Literal["data", "identified", "truth", "third", "fourth", "grey"]  # meaning of a mark
-Ground = Literal["level1", "level2", "level3"]  # meaning of an area
+Ink = Literal[  # meaning of a mark; levels are of areas
+    "data", "identified", "truth", "third", "fourth", "grey", "level1", "level2", "level3"
+]
 
 _INKS = {  # orange, blue and black are told apart by every eye, and in grey
     "data": "#cf7a00",
@@ -52,26 +53,17 @@ _DOT = 2.3  # radius of a dot in units
 class Mark:
     """A line, bars from y to `top` or points, (n,) each; `width` is a share of the usual.
 
-    x is in the unit of the figure's axis, y of the panel's, not finite where nothing is marked.
+    x is in the unit of the figure's axis, y of the panel's, not finite where nothing is marked. An
+    area from y to `top`, (2,) each, between the two x lies behind all others.
     """
 
-    kind: Literal["line", "dashes", "dots", "rings", "squares", "crosses", "bars"]
+    kind: Literal["area", "line", "dashes", "dots", "rings", "squares", "crosses", "bars"]
     ink: Ink
     x: Array
     y: Array
     top: Array | None = None
     label: str = ""
     width: float = 1.0
-
-
-@dataclass(frozen=True)
-class Area:
-    """A ground behind a panel's marks: lowest and highest x and y, in the units of the axes."""
-
-    ground: Ground
-    x: tuple[float, float]
-    y: tuple[float, float]
-    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +125,6 @@ class Panel:
     steps: tuple[float, ...] = ()
     limits: tuple[float, float] | None = None
     threshold: float | None = None
-    areas: tuple[Area, ...] = ()
     bare: bool = False
 
     @property
@@ -258,7 +249,7 @@ def _heading(panel: Panel, left: float, base: float) -> tuple[list[str], float]:
     base += 12.0
     parts = [text_at(left, base, panel.label, "ink")]
     at = left + _LETTER * len(panel.label) + 12.0 * bool(panel.label)
-    for one in (*panel.areas, *panel.marks):
+    for one in panel.marks:
         if one.label:
             width = _SWATCH + _LETTER * len(one.label) + 8.0
             if at + width > WIDTH:
@@ -268,9 +259,9 @@ def _heading(panel: Panel, left: float, base: float) -> tuple[list[str], float]:
     return parts, base + _ROW - 12.0
 
 
-def _sample(one: Mark | Area, x: float, y: float) -> str:
-    if isinstance(one, Area):
-        return _rectangle(one.ground, x, y - 5.0, 15.0, 10.0)
+def _sample(one: Mark, x: float, y: float) -> str:
+    if one.kind == "area":
+        return _rectangle(one.ink, x, y - 5.0, 15.0, 10.0)
     if one.kind == "bars":
         return _shape(one, np.array([x + 8.0]), np.array([y + 4.0]), np.array([y - 4.0]))
     ends = np.array([x, x + 15.0] if one.kind in ("line", "dashes") else [x + 8.0])
@@ -288,10 +279,11 @@ def _panel(
     for x, end in ((0.0, start), (stop, width)):
         if end - x > 0.5:
             yield _rectangle("f-unused", x, 0.0, end - x, height)
-    for area in panel.areas:
-        (x, end), (bottom, above) = across.share(area.x), scale.share(area.y)
-        shape = (x * width, (1.0 - above) * height, (end - x) * width, (above - bottom) * height)
-        yield _rectangle(area.ground, *shape)
+    areas = [mark for mark in panel.marks if mark.kind == "area"]
+    for area in areas:
+        x, end = across.share(area.x) * width
+        low, high = (scale.share(one)[0] for one in (area.y, area.top) if one is not None)
+        yield _rectangle(area.ink, x, (1.0 - high) * height, end - x, (high - low) * height)
     rows = (1.0 - scale.share(scale.ticks)) * height
     lines = [f"M{x:.1f} 0V{height:g}" for x in across.share(across.ticks) * width]
     lines += [f"M0 {y:.1f}H{width:.1f}" for y in rows]
@@ -300,7 +292,7 @@ def _panel(
         y = (1.0 - scale.share([panel.threshold])[0]) * height
         yield f'<path class="frame dashes" d="M0 {y:.1f}H{width:.1f}"/>'
     yield "</svg>"
-    for mark in panel.marks:
+    for mark in panel.marks[len(areas) :]:
         line = mark.kind in ("line", "dashes")
         x, y = outline(mark.x, mark.y, 2 * round(width)) if line else (mark.x, mark.y)
         x, y = across.share(x) * width, (1.0 - scale.share(y)) * height

@@ -14,8 +14,13 @@ from helisim.show.table import Table
 
 Section = tuple[str, str, str]  # anchor, heading and inner HTML; an empty section is left out
 
-_VERDICTS = {"agrees": " ok", "differs": " off", "Level 1": " ok", "Level 2": " off"}
-_VERDICTS["Level 3"] = " off"  # CSS class of a cell's word
+_VERDICTS = {  # a cell's word -> its CSS class
+    "agrees": " ok",
+    "differs": " off",
+    "Level 1": " ok",
+    "Level 2": " off",
+    "Level 3": " off",
+}
 
 
 def write_page(path: Path, title: str, sections: Iterable[Section], head: str) -> Path:

@@ -143,10 +143,9 @@ def draw_bode(
 def draw_pair(item: IdentifiedModel, output: str, input_: str) -> Drawing:
     """Return the Bode plot of one pair of a model."""
     fit, pair = item.fit, f"{output}/{input_}"
-    caption = f"{pair}: not enough coherent points, left out of the fit"
+    said = "not enough coherent points, left out of the fit"
     if pair in fit.costs:
-        low, high = fit.bands[pair]
-        caption = f"{pair}: cost {fit.costs[pair]:.3g} over {low:.3g} to {high:.3g} rad/s"
+        said = "cost {:.3g} over {:.3g} to {:.3g} rad/s".format(fit.costs[pair], *fit.bands[pair])
     return draw_bode(
         f"bode_{item.name}_{output}_{input_}",
         output,
@@ -155,7 +154,7 @@ def draw_pair(item: IdentifiedModel, output: str, input_: str) -> Drawing:
         identified=fit.response(fit.data.frequency),
         truth=item.exact,
         used=fit.bands.get(pair),
-        caption=caption,
+        caption=f"{pair}: {said}",
     )
 
 
@@ -186,9 +185,11 @@ def _predicted(name: str, verification: Verification, shown: Trace, flight: str)
             Mark("line", "data", shown.time, measured, label="flight", width=2.6),
             Mark("line", "identified", shown.time, predicted, label="identified model"),
         )
-        residual = Mark("line", "grey", shown.time, measured - predicted)
-        panels.append(Panel(labelled(output, seen), marks, 96.0))
-        panels.append(Panel(labelled(f"{output}, flight less model", seen), (residual,), 42.0))
+        left = (Mark("line", "grey", shown.time, measured - predicted),)
+        panels += [
+            Panel(labelled(output, seen), marks, 96.0),
+            Panel(labelled(f"{output}, flight less model", seen), left, 42.0),
+        ]
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))
     how = f"; {verification.approach}" if verification.approach else ""
     title = f"{flight}: {', '.join(verification.outputs)} predicted"
@@ -231,8 +232,9 @@ def draw_compared(
                 marks.append(Mark("line", ink, record.time, values, label=word, width=1.1))
         if marks:
             panels.append(Panel(labelled(channel, unit), tuple(marks), 62.0))
-    caption = f"{title}, flown on the nonlinear vehicle"
-    return Drawing(name, title, caption, tuple(panels), "time, s")
+    return Drawing(
+        name, title, f"{title}, flown on the nonlinear vehicle", tuple(panels), "time, s"
+    )
 
 
 def values_for_people(name: str, values: Array, unit: str) -> tuple[Array, str]:

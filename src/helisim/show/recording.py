@@ -235,10 +235,10 @@ def _log_space(
     rotor = Rotation.from_rotvec(main * np.array([0.0, 0.0, direction]))
     if "a" in record and "b" in record:
         rotor = drawn_tilt(record["a"], record["b"]) * rotor
-    tail_rotor = Rotation.from_rotvec(tail * np.array([0.0, 1.0, 0.0]))
+    turns = {"rotor": rotor, "tail_rotor": Rotation.from_rotvec(tail * [0.0, 1.0, 0.0])}
     body = Rotation.from_euler("ZYX", record.select(ATTITUDES)[:, ::-1])
     _log_part(recording, entity, parts["body"][0], record, record.select(POSITIONS), body)
-    for name, turn in (("rotor", rotor), ("tail_rotor", tail_rotor)):
+    for name, turn in turns.items():
         shapes, place = parts[name]
         _log_part(recording, f"{entity}/{name}", shapes, record, place, turn)
     if "load" in parts and LOAD_CHANNELS[0] in record:
@@ -279,8 +279,9 @@ def _log_ground(recording: rr.RecordingStream, world: str, record: FlightRecord)
             level = deck.above
             half = (0.5 * deck.length, 0.5 * deck.width, 0.5 * deck.thickness)
             shape = {"deck": _slab((0.0, 0.0, half[2]), half, (84, 87, 89))}
-            place, turn = deck.pose(record.time)
-            _log_part(recording, f"{world}/deck", shape, record, place, Rotation.from_matrix(turn))
+            place, matrices = deck.pose(record.time)
+            turn = Rotation.from_matrix(matrices)
+            _log_part(recording, f"{world}/deck", shape, record, place, turn)
     lines = np.arange(-_GROUND, _GROUND + 1e-9, _MESH)
     strips = [[[x, -_GROUND, 0.0], [x, _GROUND, 0.0]] for x in lines]
     strips += [[[-_GROUND, y, 0.0], [_GROUND, y, 0.0]] for y in lines]
@@ -307,8 +308,11 @@ def _tab(name: str, record: FlightRecord) -> View:
     }
     motion = [view for family, view in views.items() if family in _MOTION]
     more = [view for family, view in views.items() if family not in _MOTION]
-    stacks = (rrb.Vertical(*motion, name="motion"), rrb.Vertical(*more, name="more"))
-    signals = rrb.Tabs(*stacks, active_tab=0 if motion else 1)
+    signals = rrb.Tabs(
+        rrb.Vertical(*motion, name="motion"),
+        rrb.Vertical(*more, name="more"),
+        active_tab=0 if motion else 1,
+    )
     if not _is_posed(record):
         return rrb.Horizontal(signals, name=name)
     place = record.select(POSITIONS)[0].tolist()

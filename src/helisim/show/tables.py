@@ -355,8 +355,10 @@ def _proved(one: ComparedCriterion, name: str, before: Rating | None) -> tuple[s
         form, half = interval_form(width), f"\u00b1 {0.5 * width:.2g}"
     limit = criterion.limits[name].level1 if name in criterion.limits else None
     was = None if before is None else before.figures.get(name)
-    values = (limit, was, *one.figures[name].values())
-    known = [value if value is not None and isfinite(value) else None for value in values]
+    known = [
+        value if value is not None and isfinite(value) else None
+        for value in (limit, was, *one.figures[name].values())
+    ]
     rated = one.flown or one.exact
     return (
         *(criterion.word, criterion.name.replace("_", " "), _called(name), _degrees(unit)),
