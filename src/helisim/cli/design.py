@@ -223,4 +223,6 @@ def _cuts(o: Options) -> "tuple[Cut, ...] | None":
             )
     nothing = (None,) * len(o.injected)
     parts = zip(o.axis, o.injected, o.total or nothing, o.returned or nothing)
-    return tuple(Cut(axis, o.at or "actuators", *channels) for axis, *channels in parts)
+    return tuple(
+        Cut(axis, o.at or "actuators", added, both, back) for axis, added, both, back in parts
+    )

@@ -194,8 +194,13 @@ def _beside(fit: "Fit", direct: "FrequencyResponse", o: Options) -> str:
     structure = fit.structure.with_starts(
         {one.name: fit[one.name].value for one in fit.structure.free}
     )
-    band = fit.options["band_rad_s"]
-    other = identify(direct, structure, band=band, responses=o.responses or None, searches=1)
+    other = identify(
+        direct,
+        structure,
+        band=fit.options["band_rad_s"],
+        responses=o.responses or None,
+        searches=1,
+    )
     shift = {
         name: (other[name].value - one.value) / one.standard_error
         for name, one in fit.parameters.items()

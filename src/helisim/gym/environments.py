@@ -55,7 +55,8 @@ class _Flown:
             self._picture = _Picture(self._flights.vehicle, self.setup.width, self.setup.height)
         return [self._picture.of_state(state) for state in self._flights.states]
 
-    def _close(self) -> None:
+    def close_extras(self, **_: Any) -> None:
+        """Let go of threads and pictures."""
         if self._picture:
             self._picture.renderer.close()
         self._flights.close()
@@ -101,7 +102,7 @@ class HelicopterEnv(_Flown, gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """Let go of threads and pictures."""
-        self._close()
+        self.close_extras()
 
 
 class HelicopterVectorEnv(_Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
@@ -186,10 +187,6 @@ class HelicopterVectorEnv(_Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[A
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """Return a picture of each, (n_row, n_column, 3). Raises as `HelicopterEnv.render`."""
         return tuple(self._drawn())
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Let go of threads and pictures."""
-        self._close()
 
 
 class _Picture:

@@ -73,9 +73,11 @@ def write_recording(
     try:
         # in memory: when a disk is full, Rerun's own writer only logs it
         memory = recording.memory_recording()
-        tabs = [_tab(name, record) for name, record in flights.items()]
-        panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE)
-        layout = rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), panel, collapse_panels=True)
+        layout = rrb.Blueprint(
+            rrb.Tabs(*(_tab(name, record) for name, record in flights.items()), active_tab=0),
+            rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+            collapse_panels=True,
+        )
         recording.send_blueprint(layout, make_active=False, make_default=True)
         for name, record in flights.items():
             _log_flight(recording, name, record, parts)
@@ -329,6 +331,5 @@ def _tab(name: str, record: FlightRecord) -> View:
             tracking_entity=f"{root}/world/helicopter",
         ),
     )
-    log = rrb.TextLogView(origin=f"{root}/log", name="log")
-    left = rrb.Vertical(space, log, row_shares=[9, 2])
+    left = rrb.Vertical(space, rrb.TextLogView(origin=f"{root}/log", name="log"), row_shares=[9, 2])
     return rrb.Horizontal(left, signals, column_shares=[1, 1], name=name)

@@ -12,7 +12,7 @@ from helisim.show import page, tables
 from helisim.show.figure import Drawing
 from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs_of
-from helisim.show.table import number, table
+from helisim.show.table import numbers, table
 from helisim.study.comparison import ComparisonTable
 from helisim.study.errata import errata
 from helisim.study.results import IdentifiedModel, Results, Run, read_run
@@ -231,19 +231,19 @@ def _fit_quality(fit: Fit) -> str:
     if fit.misfit is not None:
         text += f"{fit.misfit.summary[0].upper()}{fit.misfit.summary[1:]}."
     names = [parameter.name for parameter in fit.structure.free]
-    rows = (
-        (
-            name,
-            *(number(float(fit.correlation[k, j]), ".2f") for j in range(k)),
-            *[""] * (len(names) - k),
-        )
-        for k, name in enumerate(names)
-    )
     note = (
         f"Two parameters whose errors' correlation is beyond {CORRELATION_LIMIT:g} can stand in "
         "for each other: fix one, or fly what tells them apart."
     )
-    found = table("Correlations", "|".join(["<", *names]), rows, notes=[("", note)])
+    found = table(
+        "Correlations",
+        "|".join(["<", *names]),
+        (
+            (name, *numbers(fit.correlation[k, :k], ".2f"), *[""] * (len(names) - k))
+            for k, name in enumerate(names)
+        ),
+        notes=[("", note)],
+    )
     correlations = page.folded("correlations", page.table(found)) if len(names) > 1 else ""
     return "\n".join([paragraph(text), page.table(tables.responses(fit)), correlations])
 

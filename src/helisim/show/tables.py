@@ -92,15 +92,14 @@ def _compared(name: str, row: ParameterRow) -> tuple[str, ...]:
 
 def verification(found: Mapping[str, VerificationFigures]) -> Table:
     """Return how well each output of the models was predicted on unseen flights."""
-    rows = (
-        (model, one.name, one.unit, number(one.j_rms, _FIGURE), number(one.tic, _FIGURE))
-        for model, figures in found.items()
-        for one in figures.outputs
-    )
     return table(
         "Verified on flights that no fit has seen",
         "model<|output<|unit<|J_rms|TIC",
-        rows,
+        (
+            (model, one.name, one.unit, *numbers((one.j_rms, one.tic), _FIGURE))
+            for model, figures in found.items()
+            for one in figures.outputs
+        ),
         notes=[(model, str(one.approach)) for model, one in found.items() if one.approach],
     )
 
@@ -123,11 +122,20 @@ def _changed(one: Change) -> tuple[str, ...]:
 
 def errata(found: Sequence[Erratum]) -> Table:
     """Return the known errors of the paper, each with its calculation."""
-    rows = (
-        (f"{one.title} ({one.where})", one.printed, one.calculation, one.computed, one.conclusion)
-        for one in found
+    return table(
+        "Errata",
+        "error<|printed<|calculated<|result<|conclusion<",
+        (
+            (
+                f"{one.title} ({one.where})",
+                one.printed,
+                one.calculation,
+                one.computed,
+                one.conclusion,
+            )
+            for one in found
+        ),
     )
-    return table("Errata", "error<|printed<|calculated<|result<|conclusion<", rows)
 
 
 def overall(found: OverallCheck) -> Table:
@@ -153,41 +161,51 @@ def overall(found: OverallCheck) -> Table:
 
 def rig(test: RigTest) -> Table:
     """Return the findings of a ground test beside the truth."""
-    rows = (
+    return table(
+        test.rig,
+        "found<|unit<|value|truth|error|std error|how<*",
         (
-            *(one.name, one.unit, number(one.value, ".5g"), number(one.truth, ".5g")),
-            *(number(one.error, _UNCERTAINTY), number(one.standard_error, _UNCERTAINTY), one.how),
-        )
-        for one in test.findings
+            (
+                *(one.name, one.unit, *numbers((one.value, one.truth), ".5g")),
+                *(*numbers((one.error, one.standard_error), _UNCERTAINTY), one.how),
+            )
+            for one in test.findings
+        ),
     )
-    return table(test.rig, "found<|unit<|value|truth|error|std error|how<*", rows)
 
 
 def airframe(record: FlightRecord | None) -> Table:
     """Return Table 1 beside the parameters of a record's vehicle."""
     flown = record.provenance.get("parameters", {}) if record is not None else {}
-    rows = (
+    return table(
+        "Table 1",
+        "parameter<|unit<|paper|flown|source<",
         (
-            *(one.name, one.unit, number(one.value, ".6g")),
-            *(number(flown.get(_FLOWN.get(one.name, "")), ".6g"), one.source),
-        )
-        for one in published("jr700")["airframe"]
+            (
+                *(one.name, one.unit),
+                *numbers((one.value, flown.get(_FLOWN.get(one.name, ""))), ".6g"),
+                one.source,
+            )
+            for one in published("jr700")["airframe"]
+        ),
     )
-    return table("Table 1", "parameter<|unit<|paper|flown|source<", rows)
 
 
 def fitted(fit: Fit) -> Table:
     """Return the parameters of a fit with their bounds and support."""
-    rows = (
+    return table(
+        fit.structure.name,
+        "parameter<|unit<|value|CR %|insens. %|support<",
         (
-            *(one.name, one.unit, number(one.value)),
-            number(None if one.fixed else one.cr_percent, PERCENT),
-            number(None if one.fixed else one.insensitivity_percent, PERCENT),
-            fit.support(one.name),
-        )
-        for one in fit.parameters.values()
+            (
+                *(one.name, one.unit, number(one.value)),
+                number(None if one.fixed else one.cr_percent, PERCENT),
+                number(None if one.fixed else one.insensitivity_percent, PERCENT),
+                fit.support(one.name),
+            )
+            for one in fit.parameters.values()
+        ),
     )
-    return table(fit.structure.name, "parameter<|unit<|value|CR %|insens. %|support<", rows)
 
 
 def responses(fit: Fit) -> Table:
@@ -281,15 +299,18 @@ def trims(flights: Sequence[Vehicle]) -> Table:
 
 def channels(record: FlightRecord) -> Table:
     """Return a record's channels with statistics."""
-    rows = (
+    return table(
+        "Channels",
+        "channel<|unit<|kind<|mean|std|smallest|largest|meaning<",
         (
-            *(one.name, one.unit, one.kind),
-            *(number(float(of(values)), _FIGURE) for of in (np.mean, np.std, np.min, np.max)),
-            one.meaning,
-        )
-        for one, values in zip(record.channels, record.values.T)
+            (
+                *(one.name, one.unit, one.kind),
+                *(number(float(of(values)), _FIGURE) for of in (np.mean, np.std, np.min, np.max)),
+                one.meaning,
+            )
+            for one, values in zip(record.channels, record.values.T)
+        ),
     )
-    return table("Channels", "channel<|unit<|kind<|mean|std|smallest|largest|meaning<", rows)
 
 
 def measured_margins(found: MeasuredMargins) -> Table:
@@ -332,17 +353,16 @@ def design(result: DesignResult) -> Table:
 
 def proof(shown: Proof, before: Mapping[int, Rating | None] | None = None) -> Table:
     """Return figures flown or with a border, angles in degrees; `before` by row of the table."""
-    rows = [
-        _proved(one, name, (before or {}).get(k))
-        for k, one in enumerate(shown.table)
-        for name in one.figures
-        if name in one.spec.criterion.limits or name in one.intervals
-    ]
     at = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shown.stops.items())
     return table(
         "Asked, predicted, exact, flown",
         "axis<|criterion<*|figure<|unit<|Level 1|before*|predicted|exact|flown|95 %|level*",
-        rows,
+        (
+            _proved(one, name, (before or {}).get(k))
+            for k, one in enumerate(shown.table)
+            for name in one.figures
+            if name in one.spec.criterion.limits or name in one.intervals
+        ),
         notes=[("at its stops in rough air", at or "nothing")],
     )
 

@@ -31,12 +31,12 @@ _ZERO_POLE = 1e-6  # rad/s, below which poles are integrals, such as position an
 def render_results(results: Results) -> str:
     """Return tables, other findings, exclusions and missed tolerances."""
     shown = [tables.comparison(table) for table in results.tables]
-    others: tuple[tuple[Callable[[Any], Table], Any], ...] = (
-        (tables.verification, results.verification),
-        (tables.gyro_changes, results.gyro_effect),
-        (tables.overall, results.eq_8),
-    )
-    shown += [tabled(found) for tabled, found in others if found]
+    others: dict[Callable[[Any], Table], Any] = {
+        tables.verification: results.verification,
+        tables.gyro_changes: results.gyro_effect,
+        tables.overall: results.eq_8,
+    }
+    shown += [tabled(found) for tabled, found in others.items() if found]
     blocks = [as_text(table) for table in shown]
     if results.excluded:
         blocks.append(_list("Left out:", [one.message for one in results.excluded]))
