@@ -110,6 +110,7 @@ def reports(logs: "Sequence[Log]") -> list[dict[str, Any]]:
 
 def given_columns(options: Options) -> "Map":
     """Return the map that the options say, with the clock; empty if they say none."""
+    from helisim.base.settings import placed
     from helisim.logs import Clock, Map
     from helisim.logs.mapping import named_column
 
@@ -119,10 +120,8 @@ def given_columns(options: Options) -> "Map":
         given = replace(given, time=Clock(column, unit or None))
     if options.names:
         given = replace(given, file=replace(given.file, names=options.names))
-    try:
+    with placed("--channel"):
         return given.with_channels(dict(map(named_column, options.channel)))
-    except InputError as error:
-        raise InputError(f"--channel: {error}") from None
 
 
 def read_roles(

@@ -311,6 +311,7 @@ def progress(steps: int | None, quiet: bool, unit: str = "step") -> Iterator[Cal
 
 def loaded(options: Options, **more: Any) -> "Vehicle":
     """Return the vehicle that the options say, with --set and --controller. Raises InputError."""
+    from helisim.base.settings import placed
     from helisim.vehicle import load
 
     more["slung"] = getattr(options, "slung", None)
@@ -324,10 +325,8 @@ def loaded(options: Options, **more: Any) -> "Vehicle":
         law: Any = read_law(asked)
     else:
         law = None if asked == "none" else imported("--controller", asked)
-    try:
+    with placed(f"--controller {asked}"):
         return vehicle.with_controller(law)
-    except InputError as error:
-        raise InputError(f"--controller {asked}: {error}") from None
 
 
 def parameters(options: Options) -> dict[str, float | str]:
