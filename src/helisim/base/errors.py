@@ -77,8 +77,7 @@ class UnknownNameError(InputError):
 
 def item_of(found: Mapping[str, Item], name: str, what: str) -> Item:
     """Return the item of that name. Raises UnknownNameError."""
-    if name not in found:
-        raise UnknownNameError(what, name, found)
+    check_known(what, [name], found)
     return found[name]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from helisim.base.errors import StorageError, UnknownNameError, check_known
+from helisim.base.errors import StorageError, UnknownNameError, check_known, item_of
 from helisim.base.files import file_size, first_bytes
 from helisim.base.text import shown
 from helisim.logs.report import LogFinding
@@ -327,9 +327,7 @@ class DataFlash:
         return np.array([_text(text) for text in distinct.tolist()], np.str_)[which]
 
     def _layout(self, name: str) -> _Layout:
-        if name not in self._types:
-            raise UnknownNameError("type of message", name, self.types)
-        return self._types[name][0]
+        return item_of(self._types, name, "type of message")[0]
 
     @cached_property
     def _units_of(self) -> dict[int, tuple[str, str]]:

@@ -179,8 +179,9 @@ class LogReport(Value):
                 f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
                 for part in self.parts[:_PARTS_SHOWN]
             ]
-        for one in self.findings:
-            lines.append(f"  {'repaired' if one.repaired else 'note'}: {word(one)}")
+        lines += [
+            f"  {'repaired' if one.repaired else 'note'}: {word(one)}" for one in self.findings
+        ]
         return "\n".join(lines)
 
 

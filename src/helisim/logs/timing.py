@@ -85,8 +85,7 @@ class Samples:
 
     def take(self, keep: slice | NDArray) -> "Samples":
         """Return the samples at a slice, at positions (n_kept,), or where (n_time,) is true."""
-        found = self.rows[keep], self.time[keep], self.values[keep]
-        return replace(self, rows=found[0], time=found[1], values=found[2])
+        return replace(self, rows=self.rows[keep], time=self.time[keep], values=self.values[keep])
 
     def at(self, k: int, column: str | None = None) -> str:
         """Return the place of sample k, for a message."""
