@@ -157,6 +157,11 @@ def glossary() -> Mapping[str, Term]:
     return MappingProxyType(terms)
 
 
+def sections() -> tuple[str, ...]:
+    """Return the sections of the glossary."""
+    return tuple(dict.fromkeys(name.split(".")[0] for name in glossary()))
+
+
 def term(name: str) -> Term | None:
     """Return what a parameter is, None if no vehicle has one of that name."""
     return glossary().get(name) or glossary().get(f"{name.split('.')[0]}.*")
