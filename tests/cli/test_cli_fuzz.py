@@ -105,7 +105,7 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
 def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
     for held in (memory.offsets, native.compiled):
         held.cache_clear()
-    monkeypatch.setattr(memory, "_structure", lambda name: type(name, (), {"opt": None}))
+    monkeypatch.setattr(memory, "_ctype", lambda node: type(node.name, (), {"opt": None}))
     out = str(tmp_path / "a.csv")
     status, lines = outcome(["fly", "--axis", "lat", "--duration", "13", "--out", out])
     assert (status, len(lines)) == (2, 1)

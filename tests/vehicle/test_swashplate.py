@@ -26,6 +26,12 @@ H3_140 = {**ANGLES_140, "left_arm": ROOT_2, "right_arm": ROOT_2}
 H3_90 = {"front_angle": 180.0, "left_angle": 90.0, "right_angle": -90.0}
 
 
+def disc_of(flapping, speed, direction):
+    """Return the tip-path plane's equation of an eq. (8) at a rotor speed, rad/s."""
+    turned = {"main_rotor.speed": speed, "main_rotor.direction": direction}
+    return TipPathPlane.of(flapping.to_parameters() | turned)
+
+
 def plate(**changes):
     """Return a swashplate that differs from the default, angles in degrees."""
     values = {
@@ -163,7 +169,7 @@ def test_there_and_back(tau, couplings, cyclic, speed, direction):
     given = Flapping(
         tau_f=tau, **coupled, **dict(zip(("a_lat", "a_lon", "b_lat", "b_lon"), cyclic))
     )
-    disc = TipPathPlane.behind(given, speed=speed, direction=direction)
+    disc = disc_of(given, speed, direction)
     again = disc.flapping(speed=speed, direction=direction)
     # rounding, where a short time constant makes the air strong: share up to 10
     assert again.to_parameters() == pytest.approx(given.to_parameters(), rel=1e-11, abs=1e-11)
@@ -172,7 +178,7 @@ def test_there_and_back(tau, couplings, cyclic, speed, direction):
 
 def test_the_papers_disc():
     """Lock number of Table 3, and a swashplate turned by 16 degrees, the same for both axes."""
-    disc = TipPathPlane.behind(TABLE_3, speed=178.0235837, direction=1.0)
+    disc = disc_of(TABLE_3, 178.0235837, 1.0)
     assert 16.0 * disc.share == pytest.approx(1.91, abs=0.005)
     a_lat, a_lon, b_lat, b_lon = disc.cyclic.ravel()
     assert np.degrees(np.arctan2(a_lat, b_lat)) == pytest.approx(16.7, abs=0.05)
@@ -182,7 +188,7 @@ def test_the_papers_disc():
 def test_what_no_rotor_has_is_refused():
     other = Flapping(tau_f=0.01, a_b=2.0, b_a=-2.0, a_lat=0.0, a_lon=0.3, b_lat=0.3, b_lon=0.0)
     with pytest.raises(ModelError, match="turns the other way"):
-        TipPathPlane.behind(other, speed=100.0, direction=1.0)
+        disc_of(other, 100.0, 1.0)
     usual = {"speed": 27.0, "direction": -1.0, "lon_range": 0.3, "lat_range": 0.3}
     for wrong in ({"lock_number": 0.0}, {"lock_number": 8.0, "flap_frequency": 0.9}):
         with pytest.raises(InputError, match="a positive lock_number and speed"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-Vector = NDArray[np.float64]
+from helisim.base.arrays import Real
 
 _DIFFERENCE = 1e-4  # step of a coordinate for derivatives
 _PENALTY = 100.0  # weight of the worst shortfall beside the cost
@@ -28,12 +28,12 @@ _WORTHWHILE = 1e-4  # improvement foreseen below which the descent ends, in unit
 class Trial:
     """Coordinates, (n,); their distances, (n_distance,), positive in Level 1, inf: none; cost."""
 
-    at: Vector
-    distances: Vector
+    at: Real
+    distances: Real
     cost: float
 
 
-Objective = Callable[[Vector, bool], Trial | None]
+Objective = Callable[[Real, bool], Trial | None]
 """Coordinates, (n,), and whether beside a stable point -> trial; else None of an unstable loop."""
 
 
@@ -41,11 +41,11 @@ Objective = Callable[[Vector, bool], Trial | None]
 class Goal:
     """Wanted distances (-inf: none) and their weights, (n_distance,) each; weight of the cost."""
 
-    distances: Vector
-    rigour: Vector
+    distances: Real
+    rigour: Real
     cost: float = 0.0
 
-    def shortfalls(self, trial: Trial) -> Vector:
+    def shortfalls(self, trial: Trial) -> Real:
         """Return every shortfall, (n_distance,), 0 where nothing is short."""
         return np.maximum(0.0, self.rigour * _less(self.distances, trial.distances))
 
@@ -60,7 +60,7 @@ def descend(
     objective: Objective,
     here: Trial,
     goal: Goal,
-    box: tuple[Vector, Vector],
+    box: tuple[Real, Real],
     *,
     steps: int,
     on_step: Callable[[Trial], None] = lambda _: None,
@@ -70,7 +70,7 @@ def descend(
     Without a cost it ends as soon as nothing is short; `on_step` sees accepted trials.
     """
     radius = _FIRST
-    slopes: tuple[NDArray[np.float64], Vector] | None = None
+    slopes: tuple[NDArray[np.float64], Real] | None = None
     for _ in range(steps):
         if goal.cost == 0.0 and not np.any(goal.shortfalls(here)):
             break
@@ -97,20 +97,20 @@ def descend(
 
 
 def _taken(
-    objective: Objective, here: Trial, step: Vector, goal: Goal, box: tuple[Vector, Vector]
+    objective: Objective, here: Trial, step: Real, goal: Goal, box: tuple[Real, Real]
 ) -> tuple[Trial | None, float]:
     trial = objective(np.clip(here.at + step, *box), False)
     return trial, -np.inf if trial is None else goal.merit(here) - goal.merit(trial)
 
 
-def _less(one: Vector, other: Vector) -> Vector:
+def _less(one: Real, other: Real) -> Real:
     """Return the difference where the first is finite, else 0."""
     return np.subtract(one, other, out=np.zeros(one.size), where=np.isfinite(one))
 
 
 def _slopes(
-    objective: Objective, here: Trial, box: tuple[Vector, Vector]
-) -> tuple[NDArray[np.float64], Vector]:
+    objective: Objective, here: Trial, box: tuple[Real, Real]
+) -> tuple[NDArray[np.float64], Real]:
     """Return the derivatives of distances, (n_distance, n), and of the cost, (n,)."""
     n = here.at.size
     jacobian, gradient = np.zeros((here.distances.size, n)), np.zeros(n)
@@ -125,12 +125,12 @@ def _slopes(
 
 def _step(
     here: Trial,
-    slopes: tuple[NDArray[np.float64], Vector],
+    slopes: tuple[NDArray[np.float64], Real],
     goal: Goal,
-    box: tuple[Vector, Vector],
+    box: tuple[Real, Real],
     radius: float,
-    bent: Vector | None = None,
-) -> tuple[Vector, float]:
+    bent: Real | None = None,
+) -> tuple[Real, float]:
     jacobian, gradient = slopes
     wanted = np.isfinite(goal.distances)
     short = goal.distances[wanted] - here.distances[wanted]

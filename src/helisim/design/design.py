@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from helisim.base.arrays import Real
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError
 from helisim.base.files import write_json
 from helisim.base.linear import Linear
 from helisim.base.settings import FrozenMap, Value
-from helisim.design.descent import Vector
 from helisim.design.laws.law import Law
 from helisim.design.plant import Plant
 from helisim.design.problem import (
@@ -217,7 +217,7 @@ def design(
 
 
 def _judged(
-    problem: Problem, at: Vector, before: Law, others: Sequence[Linear], tell: Progress
+    problem: Problem, at: Real, before: Law, others: Sequence[Linear], tell: Progress
 ) -> tuple[tuple[Judged, ...], float]:
     own, first = problem.law_at(at).linear(problem.period), problem.models[0]
     nominal = problem.rate(ClosedLoop(first, own, GRID))

@@ -6,20 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import GRID
 from helisim.sim import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.sampled import sensed_base
 
-Array = NDArray[np.float64]
 Air = tuple[tuple[float, Vehicle], ...]
 """Shares of the time, which sum to 1, with a vehicle trimmed in the wind of each."""
 
 
-def exact_loop(vehicle: Vehicle, frequency: Sequence[float] | Array | None = None) -> ClosedLoop:
+def exact_loop(vehicle: Vehicle, frequency: Sequence[float] | Real | None = None) -> ClosedLoop:
     """Return the exact linear loop of a vehicle with its controller, sampled at the gyro's ticks.
 
     At (n_freq,) rad/s, without the pilot. Raises InputError if no law moves a servo, ModelError if

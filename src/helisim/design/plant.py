@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError
 from helisim.base.linear import LinearSystem, Response, beside
 from helisim.base.settings import Value, check, setting
@@ -19,7 +19,6 @@ from helisim.ident.result import Fit
 from helisim.records.record import ATTITUDES as ANGLES
 from helisim.records.record import IN1, RATES, one_blas_thread
 
-Array = NDArray[np.float64]
 _INTEGRALS = tuple(f"integral of {rate}" for rate in RATES)
 
 
@@ -88,7 +87,7 @@ class Plant(Value):
         """Commands whose own angle or velocity is sensed too."""
         return tuple(name for name in self.inputs if BY_NAME[name].angle in self.outputs)
 
-    def response(self, frequency: Array) -> Response:
+    def response(self, frequency: Real) -> Response:
         """Return sensed outputs over the commands, (n_out, n_in, n_freq), at (n_freq,) rad/s."""
         omega = np.asarray(frequency, dtype=np.float64)
         held = np.exp(-0.5j * omega * self.period)  # on average
@@ -113,7 +112,7 @@ class Plant(Value):
             whole, c=taken @ whole.c, d=taken @ whole.d, outputs=self.outputs, name="plant"
         )
 
-    def _taken(self, system: LinearSystem) -> Array:
+    def _taken(self, system: LinearSystem) -> Real:
         """Return the plant's outputs over those of a part or of all parts."""
         turning = turned(self.tilt)
 
@@ -153,7 +152,7 @@ class Plant(Value):
         a, c = np.vstack([a, c[lacking]]), np.pad(c, ((0, 0), (0, len(lacking))))
         a, b = np.pad(a, ((0, 0), (0, len(lacking)))), np.vstack([b, d[lacking]])
         integrals = {name: f"integral of {name}" for name in outputs if name in RATES}
-        seen: dict[str, tuple[Array, Array, float]] = {}
+        seen: dict[str, tuple[Real, Real, float]] = {}
         for k, name in enumerate(outputs):
             late = model.output_delays[name] - self.late.get(name, 0.0)
             seen[name] = c[k], d[k], late + (self.latency if name in RATES else 0.0)
@@ -230,7 +229,7 @@ def sample_parameters(
     return tuple(found)
 
 
-def turned(tilt: tuple[float, float]) -> Array:
+def turned(tilt: tuple[float, float]) -> Real:
     """Return the rates of phi, theta and psi over p, q and r at a steady tilt, (3, 3)."""
     phi, theta = tilt
     sine, cosine, slope = math.sin(phi), math.cos(phi), math.tan(theta)

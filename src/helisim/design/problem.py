@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, check_known
 from helisim.base.linear import Linear, Response
 from helisim.base.units import RAD_PER_DEG
-from helisim.design.descent import Goal, Objective, Trial, Vector, descend
+from helisim.design.descent import Goal, Objective, Trial, descend
 from helisim.design.laws.law import Law
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import DisturbanceRejection, PoleLimits
@@ -108,7 +109,7 @@ class _Cached:
     def __init__(self, source: Linear) -> None:
         self._source, self._known = source, dict[bytes, Response]()
 
-    def response(self, frequency: Vector) -> Response:
+    def response(self, frequency: Real) -> Response:
         key = np.ascontiguousarray(frequency).tobytes()
         if key not in self._known:
             self._known[key] = np.array(self._source.response(frequency))
@@ -132,23 +133,23 @@ class Problem:
         object.__setattr__(self, "models", tuple(map(_Cached, self.models)))
 
     @cached_property
-    def start(self) -> Vector:
+    def start(self) -> Real:
         """Coordinates of the start, (n_free,)."""
         parameters = self.law.parameters()
         return np.array([one.coordinate(parameters[one.name]) for one in self.free])
 
     @cached_property
-    def box(self) -> tuple[Vector, Vector]:
+    def box(self) -> tuple[Real, Real]:
         """The lowest and the highest coordinates, (n_free,) each."""
         low = np.array([one.coordinate(one.low) for one in self.free])
         return low, np.array([one.coordinate(one.high) for one in self.free])
 
-    def law_at(self, at: Vector) -> Law:
+    def law_at(self, at: Real) -> Law:
         """Return the law at coordinates, (n_free,)."""
         moved = zip(self.free, at.tolist())
         return self.law.replace({one.name: one.value(where) for one, where in moved})
 
-    def loops(self, at: Vector, which: Sequence[int] = (0,)) -> list[Loop]:
+    def loops(self, at: Real, which: Sequence[int] = (0,)) -> list[Loop]:
         """Return the loops that a law closes with some models."""
         law: Any = _Cached(self.law_at(at).linear(self.period))
         return [ClosedLoop(self.models[k], law, FREQUENCY) for k in which]
@@ -157,7 +158,7 @@ class Problem:
         """Return the rating of a loop by each specification."""
         return tuple(one.criterion.rate(loop) for one in self.specs)
 
-    def trial(self, at: Vector, which: Sequence[int], *, near: bool = False) -> Trial | None:
+    def trial(self, at: Real, which: Sequence[int], *, near: bool = False) -> Trial | None:
         """Return distances by model and specification, and the first model's cost, at (n_free,).
 
         None if a loop is unstable, which isn't looked for `near` a stable law.
@@ -211,7 +212,7 @@ class Search:
         self.models: tuple[int, ...] = (0,)
         self._hard, self._soft = problem.of_kind("hard"), problem.of_kind("soft")
 
-    def run(self) -> tuple[Vector, float]:
+    def run(self) -> tuple[Real, float]:
         """Return the law's coordinates, (n_free,), and its margin in `models`, or UnstableError."""
         at, margin = self._nominal()
         for _ in range(_ROUNDS):
@@ -224,7 +225,7 @@ class Search:
             at, margin = self._solved(self._stabilised(at))
         return at, margin
 
-    def _nominal(self) -> tuple[Vector, float]:
+    def _nominal(self) -> tuple[Real, float]:
         rng, own = np.random.default_rng(self._seed), self._problem.start
         steps = rng.uniform(-_AROUND, _AROUND, (_STARTS - 1, own.size))
         found = []
@@ -238,7 +239,7 @@ class Search:
         margin, _, at = max(found, key=lambda one: one[:2])
         return at, margin
 
-    def _solved(self, at: Vector) -> tuple[Vector, float]:
+    def _solved(self, at: Real) -> tuple[Real, float]:
         at = self._descended("hard", at, self._goal(hard=0.0))
         at = self._descended("soft", at, self._goal(hard=0.0, soft=0.0))
         worst = self._worst(at)
@@ -252,8 +253,8 @@ class Search:
         return at, margin
 
     def _descended(
-        self, phase: str, at: Vector, goal: Goal, objective: Objective | None = None
-    ) -> Vector:
+        self, phase: str, at: Real, goal: Goal, objective: Objective | None = None
+    ) -> Real:
         objective = objective or self._objective
         trial = objective(at, False)
         assert trial is not None  # stable from the first phase on
@@ -276,20 +277,20 @@ class Search:
         counts, models = np.where(self._hard, rigour, 1.0), len(self.models)
         return Goal(np.tile(wanted, models), np.tile(counts, models), cost)
 
-    def _objective(self, at: Vector, near: bool = False) -> Trial | None:
+    def _objective(self, at: Real, near: bool = False) -> Trial | None:
         return self._problem.trial(at, self.models, near=near)
 
-    def _worst(self, at: Vector) -> float:
+    def _worst(self, at: Real) -> float:
         trial = self._objective(at)
         return -np.inf if trial is None else float(np.min(self._asked(trial)))
 
-    def _asked(self, trial: Trial) -> Vector:
+    def _asked(self, trial: Trial) -> Real:
         count = trial.distances.size // len(self._hard)
         kept = ~np.tile(self._problem.widened, count) & (trial.distances >= -_HELD)
         counts = np.tile(self._hard | self._soft, count) & ~kept
         return np.where(counts, trial.distances, np.inf)
 
-    def _worse(self, at: Vector, margin: float) -> tuple[int, ...]:
+    def _worse(self, at: Real, margin: float) -> tuple[int, ...]:
         found: dict[int, tuple[float, int]] = {}
         for k in range(len(self._problem.models)):
             if k in self.models:
@@ -302,11 +303,11 @@ class Search:
                 found[spec] = min(found.get(spec, (np.inf, k)), (float(asked[spec]), k))
         return tuple(sorted({k for _, k in found.values()}))
 
-    def _stabilised(self, at: Vector) -> Vector:
+    def _stabilised(self, at: Real) -> Real:
         if self._objective(at) is not None:
             return at
 
-        def leftness(there: Vector, near: bool = False) -> Trial:
+        def leftness(there: Real, near: bool = False) -> Trial:
             loops = self._problem.loops(there, self.models)
             return Trial(there, np.array([-growth(loop) for loop in loops]), 0.0)
 
@@ -323,10 +324,10 @@ class Search:
         return found
 
 
-def infeasible(problem: Problem, at: Vector) -> InfeasibleError:
+def infeasible(problem: Problem, at: Real) -> InfeasibleError:
     """Return the error of a best law, (n_free,), that misses levels, with the nearest values."""
 
-    def trial(there: Vector, near: bool = False) -> Trial | None:
+    def trial(there: Real, near: bool = False) -> Trial | None:
         return problem.trial(there, (0,), near=near)
 
     asked, here = problem.of_kind("hard", "soft"), trial(at)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import DivergedError
 from helisim.base.files import make_folder, write_json
 from helisim.base.settings import check, setting
@@ -38,7 +39,6 @@ from helisim.sim.excitation import PLACES
 from helisim.sim.limits import at_limits
 from helisim.vehicle import ControllerLike, Vehicle
 
-Array = NDArray[np.float64]
 OnFlight = Callable[[], None] | None
 
 GRID = np.geomspace(0.2, 250.0, 450)  # rad/s, of the exact loops
@@ -104,7 +104,7 @@ def sweep(wave: Multisine, loop: ClosedLoop, vehicle: Vehicle) -> Multisine:
     return replace(made, amplitude=tuple(large))
 
 
-def _peaks(signal: Array, moved: dict[str, Curve]) -> dict[str, float]:
+def _peaks(signal: Real, moved: dict[str, Curve]) -> dict[str, float]:
     lines = np.fft.rfft(signal)
     frequency = 2.0 * np.pi * np.fft.rfftfreq(signal.size, 1.0 / _SAMPLES)
     lines[np.abs(lines) < 1e-9 * np.abs(lines).max()] = 0.0

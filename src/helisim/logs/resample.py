@@ -13,12 +13,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError, RecordError
 from helisim.logs.report import Findings, Part
 from helisim.logs.timing import GAP, Options, Samples, unevenness
 from helisim.records.missing import completed, in_gaps
 
-Array = NDArray[np.float64]
 PASSBAND = 0.8  # Share of half the new rate up to which the filter changes nothing
 _STOP_DECIBEL = 80.0
 _MAX_SAMPLES = 20_000_000  # numbers of a channel on the fine grid, at most
@@ -32,8 +32,8 @@ _MANY, _MOST, _SHORT = 20, 0.95, 0.1
 class Cut(NamedTuple):
     """One part of a log: instants (n_time,) s, values (n_time, n_channel), which are missing."""
 
-    time: Array
-    values: Array
+    time: Real
+    values: Real
     part: Part
     missing: NDArray[np.bool_]
 
@@ -89,7 +89,7 @@ def cut(
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
 
 
-def _median_step(time: Array) -> float:
+def _median_step(time: Real) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
@@ -125,7 +125,7 @@ def _gaps(samples: Samples, options: Options, findings: Findings) -> list[tuple[
     return sorted(found)
 
 
-def _limit(steps: Array, max_gap: float | None) -> float:
+def _limit(steps: Real, max_gap: float | None) -> float:
     median = float(np.median(steps)) if steps.size else np.inf
     return GAP * median if max_gap is None or max_gap < _SLOW * median else max_gap
 
@@ -140,7 +140,7 @@ def _note_bridged(samples: Samples, max_gap: float, findings: Findings) -> None:
         findings.note("bridged gap", text, wide.size, rows, repaired=True)
 
 
-def _report_gaps(samples: Samples, gaps: Array, options: Options, findings: Findings) -> None:
+def _report_gaps(samples: Samples, gaps: Real, options: Options, findings: Findings) -> None:
     """Report gaps, (n_gap, 2) s, increasing; refuse them unless the log is split there."""
     time = samples.time
     starts, stops = np.clip(gaps, time[0], time[-1]).T
@@ -164,10 +164,10 @@ def _report_gaps(samples: Samples, gaps: Array, options: Options, findings: Find
     samples.report(findings, "gap", after, what, done, advice, remedy)
 
 
-Interpolant = Callable[[Array], Array]  # Function of time (n_time,) whose values are (n_time,)
+Interpolant = Callable[[Real], Real]  # Function of time (n_time,) whose values are (n_time,)
 
 
-def _between(time: Array, values: Array, start: float, stop: float) -> Interpolant:
+def _between(time: Real, values: Real, start: float, stop: float) -> Interpolant:
     low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
     time, values = time[low : high + 1], values[low : high + 1]
@@ -183,7 +183,7 @@ def _between(time: Array, values: Array, start: float, stop: float) -> Interpola
     return lambda at: through(np.clip(at, time[0], time[-1]))
 
 
-def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> Array:
+def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> Real:
     """Return the instants start + k / rate, (n_time,) s, up to `stop`."""
     count = int(min(np.floor((stop - start) * rate + 1e-6), 1e12)) + 1
     most = min(_MAX_SAMPLES, 100_000 + _MAX_EXPANSION * samples)
@@ -196,8 +196,8 @@ def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> 
 
 
 def _resampled(
-    lines: Sequence[tuple[Array, Array]], time: Array, end: float, rate: float, factor: int
-) -> tuple[Array, NDArray[np.bool_]]:
+    lines: Sequence[tuple[Real, Real]], time: Real, end: float, rate: float, factor: int
+) -> tuple[Real, NDArray[np.bool_]]:
     """Return channels on a grid to `end`, s, filtered from a finer one, and which are missing."""
     fine = time[0] + np.arange((time.size - 1) * factor + 1) / (rate * factor)
     with np.errstate(all="ignore"):
@@ -214,7 +214,7 @@ def _resampled(
     return found, missing
 
 
-def _filtered(columns: Array, factor: int) -> Array:
+def _filtered(columns: Real, factor: int) -> Real:
     """Return every factor-th value of columns, (n_time, n_channel), through the low pass."""
     if factor == 1:
         return columns
@@ -229,7 +229,7 @@ def _filtered(columns: Array, factor: int) -> Array:
 
 
 @cache
-def _low_pass(factor: int) -> Array:
+def _low_pass(factor: int) -> Real:
     """Return a symmetric filter: 1 to PASSBAND of the new half rate, 80 dB down above it."""
     width = (1.0 - PASSBAND) / factor
     length = (_STOP_DECIBEL - 7.95) / (2.285 * math.pi * width)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.note import Option
 from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS, window_transforms
 from helisim.logs.mapping import Column
@@ -17,7 +18,6 @@ from helisim.logs.timing import GAP, Options, Samples
 from helisim.records.quality import frozen_runs, spikes
 from helisim.records.record import ATTITUDES, IN1, IN2, RATES
 
-Array = NDArray[np.float64]
 _REGULAR = 0.01  # largest error of a steady recorder's step, of the median step
 _SAME = 0.1  # largest error of a ratio that is a unit's, in its logarithm
 _SCALE = 0.25  # of a rate over its angle's slope, in the logarithm: less is not reported
@@ -100,7 +100,7 @@ class Channels(NamedTuple):
     """
 
     step: float
-    columns: Mapping[str, Array]
+    columns: Mapping[str, Real]
     declared: Mapping[str, Column]
 
     def factor(self, name: str) -> float:
@@ -182,7 +182,7 @@ def _sizes(channels: Channels) -> Iterator[LogFinding]:
             yield LogFinding("unit", text, (channels.to_try(name, unit=unit),))
 
 
-def _in_degrees(name: str, values: Array, step: float, largest: float) -> bool:
+def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
     if _MOST[name] < largest:
         return RAD_PER_DEG * largest <= _MOST[name]
     omega = 2.0 * math.pi * np.fft.rfftfreq(values.size, step)
@@ -249,7 +249,7 @@ def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
     return None
 
 
-def _turning(channels: Channels) -> dict[str, Array]:
+def _turning(channels: Channels) -> dict[str, Real]:
     angles = {name: channels.columns[name] for name in ATTITUDES if name in channels.columns}
     slope = {name: np.gradient(angle, channels.step) for name, angle in angles.items()}
     if len(angles) < 3:
@@ -262,9 +262,7 @@ def _turning(channels: Channels) -> dict[str, Array]:
     }
 
 
-def _compared(
-    channels: Channels, predicted: Mapping[str, Array]
-) -> dict[tuple[str, str], Likeness]:
+def _compared(channels: Channels, predicted: Mapping[str, Real]) -> dict[tuple[str, str], Likeness]:
     names = [name for name in RATES if name in channels.declared and name in predicted]
     columns = [of[name] for of in (channels.columns, predicted) for name in names]
     if not names or columns[0].size < _LONG or not np.all(np.isfinite(columns)):

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError
 from helisim.base.units import PULSE, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
@@ -16,7 +16,6 @@ from helisim.logs.source import Source
 from helisim.logs.timing import steadiness
 from helisim.records.record import ACCELERATIONS, ATTITUDES, CHANNELS, IN1, IN2, POSITIONS, RATES
 
-Array = NDArray[np.float64]
 CONTROLS = (*IN1, *IN2)
 AS_RECORDED, GIVEN = "as recorded", "given"  # why a channel is what it is
 _PULSES = (700.0, 2300.0)
@@ -205,7 +204,7 @@ class SeenClock:
     gaps: int
 
     @classmethod
-    def of(cls, name: str, time: Array) -> "SeenClock":
+    def of(cls, name: str, time: Real) -> "SeenClock":
         """Return a clock from its stamps, (n_time,) s, increasing."""
         with np.errstate(over="ignore"):
             even = steadiness(time)
@@ -304,22 +303,22 @@ def _better(one: SeenChannel, rank: int, other: SeenChannel, others: int) -> boo
     return one.rate > 1.5 * other.rate or (rank < others and one.rate > other.rate / 1.5)
 
 
-def _known(source: Source, heading: str) -> Array:
+def _known(source: Source, heading: str) -> Real:
     values = source.numbers(heading)
     return values[np.isfinite(values)]
 
 
-def _range(known: Array) -> tuple[float, float]:
+def _range(known: Real) -> tuple[float, float]:
     return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
 
 
-def _geographic(heading: str, known: Array) -> bool:
+def _geographic(heading: str, known: Real) -> bool:
     level = abs(float(np.median(known)))
     named = split_heading(heading)[0].lower() in ("lat", "lon")
     return named and level > _UNITISED and float(np.ptp(known)) < 0.05 * level
 
 
-def _in_unit(stated: str | None, heading: str, meant: Named, known: Array) -> tuple[Column, str]:
+def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tuple[Column, str]:
     """Return a column with its unit, stated or guessed from values (n_known,), and why."""
     unit, found = stated or meant.unit, dict[str, Any]()
     if meant.channel in CONTROLS:
@@ -332,7 +331,7 @@ def _in_unit(stated: str | None, heading: str, meant: Named, known: Array) -> tu
     return Column(heading, sign=meant.sign, **found), f"{meant.why}; {why}"
 
 
-def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
+def _control(unit: str | None, known: Real) -> tuple[dict[str, Any], str]:
     """Return a control's unit, trim and range from values (n_known,), and why."""
     middle, size = float(np.median(known)), float(np.max(np.abs(known)))
     if unit == PULSE or (unit is None and _PULSES[0] <= known.min() and size <= _PULSES[1]):
@@ -348,7 +347,7 @@ def _control(unit: str | None, known: Array) -> tuple[dict[str, Any], str]:
     return {"unit": "1", "trim": middle, "range": 1.0}, f"{why}; it reaches {size:.3g}"
 
 
-def _by_size(channel: str, known: Array) -> tuple[str, str]:
+def _by_size(channel: str, known: Real) -> tuple[str, str]:
     """Return the unit that fits the size of values (n_known,), and why."""
     si, high = CHANNELS[channel].unit, float(np.quantile(np.abs(known), 0.99))
     if channel == "az":

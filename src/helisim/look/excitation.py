@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.note import Option
 from helisim.base.units import window_transforms
 from helisim.ident.rational import order
@@ -23,8 +24,6 @@ from helisim.records.record import (
     FlightRecord,
 )
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
 _LEAST_SAMPLES = 50  # of a record that is looked at
@@ -90,7 +89,7 @@ class FoundAnswer:
         return f"{self.output} from {self.low:.3g} to {self.high:.3g} ({self.coherence:.2f})"
 
 
-def excitation(channel: str, time: Array, values: Array) -> FoundExcitation | None:
+def excitation(channel: str, time: Real, values: Real) -> FoundExcitation | None:
     """Return a control's main excitation from times and values, (n_time,) each; None at rest."""
     if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(values)):
         return None
@@ -115,7 +114,7 @@ def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExc
     return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), low, high, amplitude)
 
 
-def _occupied(omega: NDArray, values: Array) -> tuple[float, float]:
+def _occupied(omega: NDArray, values: Real) -> tuple[float, float]:
     """Return the band that holds most of a signal's power, rad/s."""
     power = _power(values)
     held = np.cumsum(power) / np.sum(power)
@@ -123,19 +122,19 @@ def _occupied(omega: NDArray, values: Array) -> tuple[float, float]:
     return float(max(low, omega[1])), float(high)
 
 
-def _power(values: Array) -> Array:
+def _power(values: Real) -> Real:
     """Return a signal's power at each line, (n_freq,)."""
     return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
 
 
-def _events(values: Array) -> float:
+def _events(values: Real) -> float:
     """Return among how many windows a signal's motion is spread: of one, all is coherent."""
     half = np.array([np.var(one) for one in np.array_split(values, 2 * round(WINDOWS))])
     aligned, shifted = half[::2] + half[1::2], half[1:-1:2] + half[2::2]
     return min(float(np.sum(one) ** 2 / max(one @ one, 1e-300)) for one in (aligned, shifted))
 
 
-def _active(time: Array, values: Array) -> slice:
+def _active(time: Real, values: Real) -> slice:
     step = (time[-1] - time[0]) / (time.size - 1)
     width = min(max((time[-1] - time[0]) / 20.0, 5.0 * step), _LONGEST_BLOCK)
     size = max(round(width / step), 2)
@@ -161,7 +160,7 @@ def _active(time: Array, values: Array) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else within
 
 
-def _kind(time: Array, values: Array, amplitude: float) -> tuple[Kind, float, float]:
+def _kind(time: Real, values: Real, amplitude: float) -> tuple[Kind, float, float]:
     """Return a signal's shape, and its lowest and highest frequency, rad/s."""
     duration, step = float(time[-1] - time[0]), float(time[1] - time[0])
     # half-waves, from one change of sign to the next
@@ -233,7 +232,7 @@ def _answer(
     return [FoundAnswer(excited.channel, output, float(low), float(high), mean, structure)]
 
 
-def _cross_spectra(columns: Array, step: float) -> tuple[Array, Complex]:
+def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
     """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel)."""
     length, width = 2 * int(columns.shape[0] / (2.0 * WINDOWS)), columns.shape[1]
     if length < 32:
@@ -243,7 +242,7 @@ def _cross_spectra(columns: Array, step: float) -> tuple[Array, Complex]:
     return np.asarray(omega, np.float64), np.einsum("kfa,kfb->fab", parts, parts.conj())
 
 
-def _coherence(cross: Complex, one: int, other: int) -> Array:
+def _coherence(cross: Complex, one: int, other: int) -> Real:
     """Return the coherence of two signals, (n_freq,); 0 without power."""
     power = (cross[:, one, one] * cross[:, other, other]).real
     return np.abs(cross[:, one, other]) ** 2 / np.where(power > 0.0, power, np.inf)

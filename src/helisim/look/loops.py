@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
+from helisim.base.arrays import Real
 from helisim.base.errors import LogError
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
@@ -18,8 +18,7 @@ from helisim.look.sweeps import FlownSweep, sweeps, usual_step
 from helisim.records.missing import completed, in_gaps, told
 from helisim.records.record import Channel, FlightRecord
 
-Array = NDArray[np.float64]
-Line = tuple[Array, Array]  # increasing times, s, and a signal at them, (n_time,) each
+Line = tuple[Real, Real]  # increasing times, s, and a signal at them, (n_time,) each
 _FURTHER = "to see gain margins let the sweeps go on to a higher frequency: SID_F_STOP_HZ"
 _FIELDS = {
     "lat": ("ROut", "PIDR", "DesRoll"),
@@ -171,7 +170,7 @@ def _added(log: DataFlash, rate: Table, tick: float) -> Line:
 
 
 def _returned(
-    pid: Table, rate: Table, output: str, time: Array, tick: float
+    pid: Table, rate: Table, output: str, time: Real, tick: float
 ) -> tuple[Line, Line] | None:
     """Return the mixer's command and the sum of its PID at ticks with both."""
     later = np.searchsorted(pid.time, rate.time - 1e-6).clip(max=pid.time.size - 1)
@@ -187,11 +186,11 @@ def _returned(
     return _line(stamps, np.asarray(rate[output])[mine]), _line(stamps, sum(terms))
 
 
-def _line(stamps: Array, values: Any) -> Line:
+def _line(stamps: Real, values: Any) -> Line:
     stamps, first = np.unique(stamps, return_index=True)
     return stamps, np.asarray(values, np.float64)[first]
 
 
-def _between(stamps: Array, values: Array, time: Array) -> Array:
+def _between(stamps: Real, values: Real, time: Real) -> Real:
     """Return a signal at times, (n_time,), interpolated smoothly: linear steps cost phase."""
     return Akima1DInterpolator(stamps, values)(np.clip(time, stamps[0], stamps[-1]))

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import LogError
 from helisim.base.note import Remedy
 from helisim.base.text import shown
 from helisim.logs.dataflash import DataFlash, is_dataflash, open_dataflash
 from helisim.logs.source import file_digest
 
-Array = NDArray[np.float64]
 Spans = Sequence[tuple[float, float]]
 
 
@@ -155,7 +154,7 @@ def sweeps(
     return tuple(found)
 
 
-def _setup(log: DataFlash, start: float, rows: Array) -> Mapping[str, float]:
+def _setup(log: DataFlash, start: float, rows: Real) -> Mapping[str, float]:
     if "SIDS" in log and set(_SETUP) <= set((table := log.table("SIDS")).columns):
         for k in np.flatnonzero(np.abs(table.time - start) < _DELAY).tolist():
             row = {name: float(table[name][k]) for name in _SETUP}
@@ -173,8 +172,8 @@ def _setup(log: DataFlash, start: float, rows: Array) -> Mapping[str, float]:
 def _sweep(
     start: float,
     row: Mapping[str, float],
-    time: Array,
-    frequency: Array,
+    time: Real,
+    frequency: Real,
     ended: Sequence[tuple[float, str]],
     first: float,
 ) -> FlownSweep:
@@ -209,7 +208,7 @@ def _ends(log: DataFlash) -> list[tuple[float, str]]:
     return sorted(said)
 
 
-def usual_step(time: Array, spans: Spans) -> tuple[float, float]:
+def usual_step(time: Real, spans: Spans) -> tuple[float, float]:
     """Return the step between messages at (n_time,) s without gaps, and the share missing."""
     steps = np.concatenate(
         [np.diff(time[(time >= start) & (time <= stop)]) for start, stop in spans]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
@@ -40,8 +40,6 @@ from helisim.records.record import (
     FlightRecord,
     some_names,
 )
-
-Real = NDArray[np.float64]
 
 Band = tuple[float, float]
 _FAST = 0.5  # of SIDD's rate: a message that is slower than that is no good beside it

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.records.record import FlightRecord
 
-Real = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 # usual steps between two samples from which one is missing; from a sample, where it is known by it

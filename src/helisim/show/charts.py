@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.units import decibel
 from helisim.handling.criteria import Criterion, Rating
 from helisim.handling.limit import Span
 from helisim.handling.loop import Curve
 from helisim.handling.measured.margins import MeasuredCurve
-from helisim.show.figure import Array, Drawing, Ink, Mark, Panel
+from helisim.show.figure import Drawing, Ink, Mark, Panel
 from helisim.show.plots import DEGREES, beside, decibels, labelled, spread_out
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def draw_loops(name: str, title: str, curves: Mapping[str, Curve]) -> Drawing:
     """Draw magnitude and phase of curves by label; measured ones have bars of 95 %."""
     gains: list[Mark] = []
     phases: list[Mark] = []
-    other: tuple[Array, Array] | None = None
+    other: tuple[Real, Real] | None = None
     for k, (label, curve) in enumerate(curves.items()):
         omega, ink = curve.frequency, _look(label, k)[1]
         gain, phase = decibels(curve.response), beside(omega, curve.response, other)

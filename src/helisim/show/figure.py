@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.files import atomic_write
 
-Array = NDArray[np.float64]
 Ink = Literal[  # meaning of a mark; levels are of areas
     "data", "identified", "truth", "third", "fourth", "grey", "level1", "level2", "level3"
 ]
@@ -59,9 +58,9 @@ class Mark:
 
     kind: Literal["area", "line", "dashes", "dots", "rings", "squares", "crosses", "bars"]
     ink: Ink
-    x: Array
-    y: Array
-    top: Array | None = None
+    x: Real
+    y: Real
+    top: Real | None = None
     label: str = ""
     width: float = 1.0
 
@@ -103,7 +102,7 @@ class Scale:
         """Ticks as text."""
         return [f"{tick:.10g}" for tick in self.ticks]
 
-    def share(self, values: Array | Sequence[float]) -> Array:
+    def share(self, values: Real | Sequence[float]) -> Real:
         """Return places of values along the axis, 0 at its start, 1 at its end; (n_value,)."""
         values = np.asarray(values, dtype=np.float64)
         if self.logarithmic:
@@ -197,7 +196,7 @@ class Drawing:
             path.write_text(self.svg, encoding="utf-8")
 
 
-def extent(values: Sequence[Array], margin: float = 0.0) -> tuple[float, float]:
+def extent(values: Sequence[Real], margin: float = 0.0) -> tuple[float, float]:
     """Return lowest and highest finite value, (n_value,) each, `margin` of their distance added."""
     whole = np.concatenate([np.zeros(0), *map(np.ravel, values)])
     finite = whole[np.isfinite(whole)]
@@ -208,7 +207,7 @@ def extent(values: Sequence[Array], margin: float = 0.0) -> tuple[float, float]:
     return low - apart, high + apart
 
 
-def outline(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
+def outline(x: Real, y: Real, columns: int) -> tuple[Real, Real]:
     """Return a history (n,) by lowest and highest sample in each column, or as it is if short."""
     if len(x) <= 4 * columns or not np.all(np.isfinite(y)):
         return x, y
@@ -304,7 +303,7 @@ def _panel(
     yield _rectangle("frame", left, top, width, height)
 
 
-def _shape(mark: Mark, x: Array, y: Array, top: Array | None = None) -> str:
+def _shape(mark: Mark, x: Real, y: Real, top: Real | None = None) -> str:
     seen = np.isfinite(y)
     if mark.kind == "bars":
         width, ends = 1.1 * mark.width, y if top is None else top
@@ -326,7 +325,7 @@ def _shape(mark: Mark, x: Array, y: Array, top: Array | None = None) -> str:
     return f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
 
 
-def _line(x: Array, y: Array) -> str:
+def _line(x: Real, y: Real) -> str:
     return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist()))
 
 

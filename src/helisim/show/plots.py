@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.units import decibel
 from helisim.ident import USABLE_COHERENCE, Fit, FrequencyResponse, Verification
 from helisim.ident.verification import Trace
 from helisim.records import record as c
 from helisim.records.record import ATTITUDES, CHANNELS, RATES, FlightRecord
-from helisim.show.figure import Array, Drawing, Ink, Mark, Panel
+from helisim.show.figure import Drawing, Ink, Mark, Panel
 
 if TYPE_CHECKING:
     from helisim.study.results import IdentifiedModel
 
-Complex = NDArray[np.complex128]
 Look = tuple[Literal["line", "dashes"], Ink, str]
 """Kind, ink and label of a line."""
 
@@ -49,12 +49,12 @@ _UNITISED = (*c.IN1, *c.IN2, *c.SERVOS, *c.SERVO_POSITIONS)
 _INKS: tuple[Ink, ...] = ("identified", "data", "third", "fourth")
 
 
-def decibels(line: Complex) -> Array:
+def decibels(line: Complex) -> Real:
     """Return the gain, dB, (n_freq,), of a response (n_freq,); a zero is drawn at -240 dB."""
     return decibel(np.maximum(np.abs(line), 1e-12))
 
 
-def phase_degrees(line: Complex, good: NDArray[np.bool_] | None = None) -> Array:
+def phase_degrees(line: Complex, good: NDArray[np.bool_] | None = None) -> Real:
     """Return the unwrapped phase, degrees, of a response, followed where `good`; (n_freq,) each.
 
     It starts between -225 and 135.
@@ -67,7 +67,7 @@ def phase_degrees(line: Complex, good: NDArray[np.bool_] | None = None) -> Array
     return angle + 360.0 * np.round((near - angle) / 360.0)
 
 
-def beside(frequency: Array, line: Complex, other: tuple[Array, Array] | None) -> Array:
+def beside(frequency: Real, line: Complex, other: tuple[Real, Real] | None) -> Real:
     """Return a response's phase, degrees, by whole turns beside that of another; (n_freq,) each.
 
     `frequency` is in rad/s, `other` is rad/s and degrees, (m_freq,) each.
@@ -79,7 +79,7 @@ def beside(frequency: Array, line: Complex, other: tuple[Array, Array] | None) -
     return own + 360.0 * np.round(np.median(apart) / 360.0)
 
 
-def spread_out(frequency: Array, count: int = _POINTS) -> NDArray[np.intp]:
+def spread_out(frequency: Real, count: int = _POINTS) -> NDArray[np.intp]:
     """Return indices of the (n_freq,) frequencies nearest to `count` log-spaced ones, each once."""
     if frequency.size <= count:
         return np.arange(frequency.size)
@@ -237,7 +237,7 @@ def draw_compared(
     )
 
 
-def values_for_people(name: str, values: Array, unit: str) -> tuple[Array, str]:
+def values_for_people(name: str, values: Real, unit: str) -> tuple[Real, str]:
     """Return values and their unit, rates and attitudes in degrees; (n_value,) each."""
     if name in (*RATES, *ATTITUDES) and unit.startswith("rad"):
         return np.rad2deg(values), unit.replace("rad", "deg")
@@ -249,7 +249,7 @@ def labelled(name: str, unit: str) -> str:
     return name if unit in ("", "1") else f"{name}, {unit}"
 
 
-def _histories(x: Array, names: Sequence[str], values: Sequence[Array] | Array) -> tuple[Mark, ...]:
+def _histories(x: Real, names: Sequence[str], values: Sequence[Real] | Real) -> tuple[Mark, ...]:
     return tuple(
         Mark(("line", "dashes")[k % 2], _INKS[k % len(_INKS)], x, one, label=name)
         for k, (name, one) in enumerate(zip(names, values))
@@ -257,7 +257,7 @@ def _histories(x: Array, names: Sequence[str], values: Sequence[Array] | Array) 
 
 
 def _estimate(
-    data: FrequencyResponse, pair: tuple[int, int], values: Array, size: Callable[[Array], Array]
+    data: FrequencyResponse, pair: tuple[int, int], values: Real, size: Callable[[Real], Real]
 ) -> list[Mark]:
     at = spread_out(data.frequency)
     omega, values, good = data.frequency[at], values[at], data.usable()[pair][at]

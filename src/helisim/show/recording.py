@@ -23,6 +23,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.files import atomic_write
 from helisim.physics.motion import flip
@@ -33,10 +34,9 @@ from helisim.show.viewer import SLOWED, drawn_tilt
 from helisim.sim.ground import Ground
 from helisim.vehicle.slung import HOOK, LOAD, own_centre, own_parts
 
-Array = NDArray[np.float64]
 Archetypes = Mapping[str, rr.AsComponents]
 View = rrb.Container | rrb.View
-Parts = Mapping[str, tuple[Archetypes, Array]]
+Parts = Mapping[str, tuple[Archetypes, Real]]
 """Archetypes of body, rotor and tail rotor by name, forward-right-down from the place, (3,) m."""
 
 TIMELINE = "time"  # the timeline of a flight, from its first sample
@@ -106,8 +106,8 @@ def model_shapes(model: mujoco.MjModel) -> Parts:
     own = (model.body_rootid[model.geom_bodyid] == root) & (model.geom_group < _VISUAL_GROUPS)
 
     def draw(
-        which: NDArray[np.bool], origin: Array, turned: Rotation | None = None
-    ) -> tuple[Archetypes, Array]:
+        which: NDArray[np.bool], origin: Real, turned: Rotation | None = None
+    ) -> tuple[Archetypes, Real]:
         ids, upright = np.flatnonzero(which & own), (turned or Rotation.identity()).as_matrix()
         places = ((data.geom_xpos[ids] - centre) @ to_body.T - origin) @ upright.T
         turns = upright @ to_body @ data.geom_xmat[ids].reshape(-1, 3, 3)
@@ -126,7 +126,7 @@ def model_shapes(model: mujoco.MjModel) -> Parts:
     return parts
 
 
-def _turn_down(directions: Array) -> Rotation:
+def _turn_down(directions: Real) -> Rotation:
     """Return the shortest turns of what points down to the directions, (n, 3), FRD."""
     x, y, z = directions.T
     across = np.maximum(np.hypot(x, y), 1e-12)
@@ -136,7 +136,7 @@ def _turn_down(directions: Array) -> Rotation:
 
 
 def _archetypes(
-    model: mujoco.MjModel, ids: NDArray[np.intp], places: Array, turns: Array
+    model: mujoco.MjModel, ids: NDArray[np.intp], places: Real, turns: Real
 ) -> Archetypes:
     colours, materials = model.geom_rgba[ids].copy(), model.geom_matid[ids]
     colours[materials >= 0] = model.mat_rgba[materials[materials >= 0]]
@@ -167,7 +167,7 @@ def _archetypes(
 
 
 def _meshes(
-    model: mujoco.MjModel, ids: NDArray[np.intp], places: Array, turns: Array, inks: Array
+    model: mujoco.MjModel, ids: NDArray[np.intp], places: Real, turns: Real, inks: Real
 ) -> rr.Mesh3D:
     corners, normals, colours = [], [], []
     for geom, place, turn, ink in zip(ids, places, turns, inks):
@@ -191,7 +191,7 @@ def _is_posed(record: FlightRecord) -> bool:
     return all(name in record for name in (*ATTITUDES, *POSITIONS))
 
 
-def _send(recording: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:
+def _send(recording: rr.RecordingStream, entity: str, time: Real, columns: Any) -> None:
     stamps = rr.TimeColumn(TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
     recording.send_columns(entity, indexes=[stamps], columns=columns)
 
@@ -257,7 +257,7 @@ def _log_part(
     entity: str,
     shapes: Archetypes,
     record: FlightRecord,
-    place: Array,
+    place: Real,
     turn: Rotation,
 ) -> None:
     for name, archetype in shapes.items():

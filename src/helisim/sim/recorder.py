@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
+from helisim.base.arrays import Real
 from helisim.base.errors import DivergedError, InputError
 from helisim.base.settings import check, in_brief, setting, to_plain
 from helisim.physics.layout import INJECTION, PARAM, SENSOR
@@ -247,8 +248,7 @@ def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tup
     return len(time), ""
 
 
-_Array = NDArray[np.float64]
-_Columns = Mapping[tuple[str, ...], Callable[[Trajectory], _Array]]
+_Columns = Mapping[tuple[str, ...], Callable[[Trajectory], Real]]
 
 _MOTION: _Columns = {
     RATES: lambda flight: flight.rates,
@@ -363,13 +363,13 @@ class _Sampling:
         passes = corner >= 0.5 * rate_hz
         self._sos = None if passes else butter(4, corner, fs=rate_hz, output="sos")
 
-    def inputs(self) -> dict[str, _Array]:
+    def inputs(self) -> dict[str, Real]:
         flight = self.flight
-        signals: dict[str, _Array] = dict(zip(IN2, self.filtered(flight.sticks).T))
+        signals: dict[str, Real] = dict(zip(IN2, self.filtered(flight.sticks).T))
         signals |= dict(zip(SERVOS, self.filtered(flight.servo_commands).T))
         noise, found = {name: self.noise(name) for name in signals}, {}
 
-        def seen(name: str, late_as: str) -> _Array:
+        def seen(name: str, late_as: str) -> Real:
             return self.rounded(name, self.sampled(signals[name], late_as) + noise[name])
 
         for k, name in enumerate(IN1):
@@ -378,11 +378,11 @@ class _Sampling:
             found[name] = self.rounded(name, mixed + self.noise(name))
         return found | {name: seen(name, name) for name in signals}
 
-    def motion(self) -> dict[str, _Array]:
+    def motion(self) -> dict[str, Real]:
         noise = {names: np.column_stack(list(map(self.noise, names))) for names in _MOTION}
         filtered = {names: self.filtered(source(self.flight)) for names, source in _MOTION.items()}
 
-        def seen(names: tuple[str, ...], *, late: bool) -> _Array:
+        def seen(names: tuple[str, ...], *, late: bool) -> Real:
             each = zip(names, filtered[names].T)
             columns = [self.sampled(signal, name if late else None) for name, signal in each]
             return np.column_stack(columns) + noise[names]
@@ -405,7 +405,7 @@ class _Sampling:
             for name, signal in zip(names, found[names].T)
         }
 
-    def injected(self, columns: Mapping[str, _Array]) -> dict[str, _Array]:
+    def injected(self, columns: Mapping[str, Real]) -> dict[str, Real]:
         flight, given, found = self.flight, self.flight.added, {}
         for place, added, total, sign in (
             ("servos", IN1_ADDED, IN1_GYRO, -1.0),
@@ -426,27 +426,27 @@ class _Sampling:
         return found
 
     def recorded(
-        self, names: tuple[str, ...], signals: _Array, *, late_as: tuple[str, ...] | None = None
-    ) -> dict[str, _Array]:
+        self, names: tuple[str, ...], signals: Real, *, late_as: tuple[str, ...] | None = None
+    ) -> dict[str, Real]:
         return {
             name: self.rounded(name, self.sampled(signal, late) + self.noise(name))
             for name, late, signal in zip(names, late_as or names, self.filtered(signals).T)
         }
 
-    def filtered(self, signals: _Array) -> _Array:
+    def filtered(self, signals: Real) -> Real:
         if self._sos is None:
             return signals
         start = sosfilt_zi(self._sos)[:, :, None] * signals[0]
         return sosfilt(self._sos, signals, axis=0, zi=start)[0]
 
-    def sampled(self, signal: _Array, late_as: str | None) -> _Array:
+    def sampled(self, signal: Real, late_as: str | None) -> Real:
         latency = 0.0 if late_as is None else self.recorder.late(late_as)
         return np.interp(self.time - latency, self.flight.time, signal)
 
-    def rounded(self, name: str, signal: _Array) -> _Array:
+    def rounded(self, name: str, signal: Real) -> Real:
         step = self.recorder.resolution.get(name, 0.0)
         return signal if step == 0.0 else np.round(signal / step) * step
 
-    def noise(self, name: str) -> _Array:
+    def noise(self, name: str) -> Real:
         level, size = self.recorder.noise.get(name, 0.0), self.time.size
         return np.zeros(size) if level == 0.0 else level * self.rng.standard_normal(size)

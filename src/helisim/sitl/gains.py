@@ -10,15 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.base.errors import InputError
 from helisim.base.linear import Linear
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import BY_NAME, axis_of
 from helisim.records.record import ATTITUDES, IN1, RATES
-
-Array = NDArray[np.float64]
-Response = NDArray[np.complex128]
 
 LOOP_RATE = 400.0  # Hz, SCHED_LOOP_RATE
 GYRO_HZ = 40.0  # Hz, INS_GYRO_FILTER: twice ArduPilot's default
@@ -60,7 +58,7 @@ class Commanded:
     """
 
     vehicle: Linear
-    scale: Array
+    scale: Real
     late: float = 0.0
     held: bool = True
 
@@ -75,7 +73,7 @@ class Commanded:
         known = self.vehicle.outputs
         return tuple(name for name in (*RATES, *ATTITUDES) if name in known)
 
-    def response(self, frequency: Array) -> Response:
+    def response(self, frequency: Real) -> Complex:
         """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
         own = self.vehicle
         rows = [own.outputs.index(name) for name in self.outputs]
@@ -115,7 +113,7 @@ def law_of(gains: Mapping[str, Gains], lean: tuple[float, float]) -> ArduCopterL
 
 def tune(
     vehicle: Linear,
-    scale: Array,
+    scale: Real,
     *,
     lean: tuple[float, float] = (0.0, 0.0),
     late: float = 0.0,
@@ -148,7 +146,7 @@ def tune(
     return Tuning(found, ClosedLoop(plant, law_of(found, lean), _BAND), steady)
 
 
-def _own(plant: Linear, axis: str, frequency: Array) -> Response:
+def _own(plant: Linear, axis: str, frequency: Real) -> Complex:
     row, column = plant.outputs.index(axis_of(axis).rate or ""), plant.inputs.index(axis)
     return np.asarray(plant.response(frequency)[row, column])
 
@@ -187,12 +185,12 @@ def _loops(
     plant: Commanded,
     axis: str,
     others: Mapping[str, Gains],
-    gains: Sequence[Array],
+    gains: Sequence[Real],
     lean: tuple[float, float],
-) -> Response:
+) -> Complex:
     """Return an axis's loops, cut at its command, (n_gains, n_freq)."""
 
-    def loop(**unit: float) -> Response:
+    def loop(**unit: float) -> Complex:
         one = Gains(**{**dict.fromkeys(Gains._fields, 0.0), **unit})
         return ClosedLoop(plant, law_of({**others, axis: one}, lean), _BAND).broken(axis).response
 
@@ -205,7 +203,7 @@ def _loops(
     return total
 
 
-def _clear(loops: Response) -> NDArray[np.bool_]:
+def _clear(loops: Complex) -> NDArray[np.bool_]:
     """Return which loops are stable with the margins, (n_gains,): outside a Nichols box at -1.
 
     The phase of a loop of more than 1 may rise through -180 degrees, past the hover's unstable

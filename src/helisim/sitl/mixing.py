@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.errors import InputError, ModelError
 from helisim.records.record import IN1
 from helisim.vehicle.swashplate import Swashplate
@@ -99,8 +99,6 @@ class Outputs:
         return max(0.0, self.rotor.share(pulses))
 
 
-Array = NDArray[np.float64]
-
 CYCLIC = 450.0  # us, by which full roll or pitch moves a servo that stands right under it
 FULL_CYCLIC = 4500.0  # H_CYC_MAX at which roll and pitch reach their full 1
 # us: ArduPilot's limits and middle of a swashplate's servos.
@@ -184,16 +182,16 @@ class Mixer:
         return found | {self._channels[3]: trim + yaw * travel}
 
 
-def command_scale(mixer: Mixer, outputs: Outputs, plate: Swashplate, hover: float) -> Array:
+def command_scale(mixer: Mixer, outputs: Outputs, plate: Swashplate, hover: float) -> Real:
     """Return (4, 4): a unit of each command on each control (rows), of col, lon, lat, ped."""
 
-    def moved(commands: Mapping[str, float]) -> Array:
+    def moved(commands: Mapping[str, float]) -> Real:
         exact = mixer.exact(commands)
         pulses = [exact.get(channel + 1, 0.0) for channel in range(_CHANNELS)]
         *swash, tail = outputs.servos(pulses, (0.0, 0.0, 0.0, 0.0))
         return np.array((*map(float, plate.unmix(*swash)), tail))
 
-    def slope(name: str) -> Array:
+    def slope(name: str) -> Real:
         at = hover if name == "col" else 0.0
         above, below = (moved({"col": hover, name: at + step}) for step in (_STEP, -_STEP))
         return (above - below) / (2.0 * _STEP)
