@@ -68,6 +68,7 @@ q = { column = "Nickrate", unit = "deg/s", sign = -1 }
 """
 
 
+@pytest.mark.slow
 def test_a_foreign_log_in_degrees_gives_the_same_model(tmp_path, capsys):
     (tmp_path / "map.toml").write_text(MAP)
     clean, foreign = [], []

@@ -134,7 +134,7 @@ def in_time(flights, structure, truth, sigma, fine=4):
     return least_squares(residual, start, x_scale="jac").x[: len(names)]
 
 
-@pytest.mark.parametrize("case", ["short period", "yaw"])
+@pytest.mark.parametrize("case", [pytest.param("short period", marks=pytest.mark.slow), "yaw"])
 def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
     (structure, truth), moves, (noise, step, _, _) = CASES[case]
     for seed in (1, 2):

@@ -82,7 +82,7 @@ def shift(fit, good):
     ("faults", "noted", "errors"),
     [
         # single samples are interpolated: nothing of the sweep is lost
-        ((SPIKES,), {"spikes"}, 0.2),
+        pytest.param((SPIKES,), {"spikes"}, 0.2, marks=pytest.mark.slow),
         # a sweep that is cut loses frequencies, and what is left scatters by its own error
         ((SPIKES, DEAD, LOSS, GAP), {"spikes", "frozen", "lost samples", "gap"}, 2.0),
     ],

@@ -31,6 +31,7 @@ def by_weather():
     }
 
 
+@pytest.mark.slow
 def test_truth_is_of_the_hover_in_the_wind(by_weather):
     calm, windy = by_weather[0, 0], by_weather[0, 6]
     vehicle = hs.Weather(wind=6.0).trimmed(hs.load("jr700"))
