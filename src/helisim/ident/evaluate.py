@@ -16,6 +16,7 @@ from helisim.ident.expression import Dependence, Program, value_at
 from helisim.ident.structure import DELAYS, Structure
 
 SINGULAR = 1e12  # condition of M that counts as singular
+_BLOCK = 64  # samples a block in simulations
 
 
 def response(structure: Structure, values: Mapping[str, float], frequency: Real) -> Complex:
@@ -188,8 +189,22 @@ def _discretise(model: LinearSystem, step: float) -> tuple[Real, Real, Real]:
 
 def _propagate(transition: Real, driven: Real, start: Real) -> Real:
     """Return x_0 .. x_(N-1) of x_(k+1) = A x_k + driven_k, (n_time, n_state)."""
-    states, state = np.empty_like(driven), start
-    for k, pushed in enumerate(driven):
-        states[k] = state
-        state = transition @ state + pushed
-    return states
+    samples, n = driven.shape
+    if n == 0:
+        return driven
+    blocks = -(-samples // _BLOCK)
+    padded = np.zeros((blocks * _BLOCK, n))
+    padded[:samples] = driven
+    padded = padded.reshape(blocks, _BLOCK, n)
+    local = np.zeros((blocks, _BLOCK + 1, n))
+    powers = np.zeros((_BLOCK + 1, n, n))
+    powers[0] = np.eye(n)
+    for k in range(_BLOCK):
+        local[:, k + 1] = local[:, k] @ transition.T + padded[:, k]
+        powers[k + 1] = transition @ powers[k]
+    edge, state = np.zeros((blocks, n)), start
+    for block in range(blocks):
+        edge[block] = state
+        state = powers[_BLOCK] @ state + local[block, _BLOCK]
+    free = np.einsum("kij,bj->bki", powers[:_BLOCK], edge)
+    return (local[:, :_BLOCK] + free).reshape(-1, n)[:samples]
