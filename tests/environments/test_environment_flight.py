@@ -118,7 +118,11 @@ def test_rewards_are_what_the_documentation_says():
     missed = np.sum(seen[:3] ** 2) + np.sum(seen[5:8] ** 2) / 4.0
     missed += 2.0 * (1.0 - seen[4]) / 0.25 + np.sum(seen[10:13] ** 2) / 4.0
     missed += np.sum((moved - resting) ** 2) / 4.0
-    assert rewarded[1] == pytest.approx(1.0 / (1.0 + missed), rel=1e-5)
+    assert rewarded[1] == pytest.approx(1.0 / (1.0 + missed), rel=1e-5)  # of single precision
+    terms = rewarded[-1]["terms"]
+    assert [*terms] == ["distance", "speed", "heading", "rate", "change"]
+    assert terms["change"] == pytest.approx(0.25)
+    assert rewarded[1] == pytest.approx(1.0 / (1.0 + sum(terms.values())), rel=1e-12)  # rounding
 
 
 def test_a_command_is_tracked_and_changes():

@@ -26,9 +26,16 @@ def same(left, right):
     for one, other in zip(left[:-1], right[:-1]):
         assert one.dtype == other.dtype
         assert np.array_equal(one, other)
-    assert left[-1].keys() == right[-1].keys()
-    for name, value in left[-1].items():
-        assert np.array_equal(value, right[-1][name]), name
+    same_infos(left[-1], right[-1])
+
+
+def same_infos(left, right):
+    assert left.keys() == right.keys()
+    for name, value in left.items():
+        if isinstance(value, dict):
+            same_infos(value, right[name])
+        else:
+            assert np.array_equal(value, right[name]), name
 
 
 DRAWN = """
@@ -71,6 +78,33 @@ def test_stable_baselines_standard_call_trains():
     agent.learn(512)
     assert agent.num_timesteps == 512
     envs.close()
+
+
+@pytest.mark.slow
+def test_a_learner_of_stable_baselines_sees_what_the_vector_environment_gives():
+    """Episodes that end start anew in the same step, the last observation in the infos."""
+    pytest.importorskip("stable_baselines3")
+    from helisim.gym.stable_baselines import Helicopters
+
+    learners = Helicopters("helisim/Hover-v0", 3, max_episode_steps=4)
+    learners.seed(5)
+    many = vector(count=3, max_episode_steps=4)
+    assert np.array_equal(learners.reset(), many.reset(seed=5)[0])
+    for step in range(1, 6):
+        seen, rewards, ended, infos = learners.step(np.zeros((3, 4)))
+        if step == 5:
+            many.reset(options={"reset_mask": np.ones(3, dtype=bool)})
+        expected, rewarded, *_, told = many.step(np.zeros((3, 4)))
+        assert np.array_equal(rewards, rewarded.astype(np.float32))
+        assert infos[1]["terms"]["speed"] == told["terms"]["speed"][1]
+        assert all(ended == (step == 4))
+        if step == 4:
+            assert np.array_equal(infos[2]["terminal_observation"], expected[2])
+            assert infos[2]["TimeLimit.truncated"]
+        else:
+            assert np.array_equal(seen, expected)
+    learners.close()
+    many.close()
 
 
 def test_no_graphics_before_the_first_picture(monkeypatch):

@@ -87,14 +87,16 @@ class HelicopterEnv(_Flown, gymnasium.Env[Any, Any]):
     def step(self, action: NDArray[np.floating]) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Fly on by a frame, with an action, (4,), cut off at -1 and 1; truncation is Gymnasium's.
 
-        Infos are "time" (s) and, at a limit, its name as "ended".
+        Infos are "time" (s), "terms" of the reward by name and, at a limit, its name as "ended".
         """
-        action = np.asarray(action)[None]
-        seen, reward, terminated, why = self._flights.step(action, [self.np_random])
-        info: dict[str, Any] = {"time": float(self._flights.states[0, 0])}
-        if why:
-            info["ended"] = why[0]
-        return seen[0], float(reward[0]), bool(terminated[0]), False, info
+        flown = self._flights.step(np.asarray(action)[None], [self.np_random])
+        info: dict[str, Any] = {
+            "time": float(self._flights.states[0, 0]),
+            "terms": {name: float(one[0]) for name, one in flown.terms.items()},
+        }
+        if flown.why:
+            info["ended"] = flown.why[0]
+        return flown.seen[0], float(flown.reward[0]), bool(flown.terminated[0]), False, info
 
     def render(self) -> NDArray[np.uint8]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return a picture, (n_row, n_column, 3). Raises InputError (no mode) or DisplayError."""
@@ -162,20 +164,23 @@ class HelicopterVectorEnv(_Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[A
         """Fly all on by a frame, with actions, (num_envs, 4), cut off at -1 and 1.
 
         Returns observations, (num_envs, n_observation), and for each helicopter reward, limit
-        passed, out of time; infos are "time" (s), "ended" (limits' names), and `reset`'s for new
-        episodes. Raises InputError.
+        passed, out of time; infos are "time" (s), "terms" of the reward by name, "ended" (limits'
+        names), and `reset`'s for new episodes. Raises InputError.
         """
         started = self._done
         infos = self._restart(started, None)
-        seen, reward, terminated, why = self._flights.step(actions, self._randoms, started)
+        flown = self._flights.step(actions, self._randoms, started)
         self._steps[~started] += 1
-        for row, name in why.items():
+        for row, name in flown.why.items():
             self._add_info(infos, {"ended": name}, row)
-        infos["time"] = self._flights.states[:, 0].copy()
-        infos["_time"] = np.ones(self.num_envs, dtype=np.bool_)
+        terms = {}
+        for name, term in flown.terms.items():
+            terms |= {name: np.where(started, 0.0, term), f"_{name}": ~started}
+        infos |= {"time": self._flights.states[:, 0].copy(), "terms": terms}
+        infos |= {"_time": np.ones(self.num_envs, dtype=np.bool_), "_terms": ~started}
         truncated = self._steps >= self._most
-        self._done = terminated | truncated
-        return seen, reward, terminated, truncated, infos
+        self._done = flown.terminated | truncated
+        return flown.seen, flown.reward, flown.terminated, truncated, infos
 
     def _restart(self, mask: Flags, options: dict[str, Any] | None) -> dict[str, Any]:
         rows, infos = np.flatnonzero(mask).tolist(), {}

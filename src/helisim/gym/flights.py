@@ -5,7 +5,7 @@ import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -39,9 +39,22 @@ class Options:
     command: _COMMAND | None = None
 
 
-Stepped = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], Mapping[int, str]]
-"""Of n helicopters: what is seen, (n, n_observation), scaled; reward, (n,); who ended, (n,); and by
-row the name of the limit, or the controller's failure."""
+class Stepped(NamedTuple):
+    """What a frame of n helicopters gave.
+
+    Attributes:
+        seen: scaled, (n, n_observation).
+        reward: (n,).
+        terms: what the reward is made of, by name, (n,) each.
+        terminated: who ended, (n,).
+        why: by row the name of the limit, or the controller's failure.
+    """
+
+    seen: NDArray[np.float32]
+    reward: NDArray[np.float64]
+    terms: Mapping[str, NDArray[np.float64]]
+    terminated: NDArray[np.bool_]
+    why: Mapping[int, str]
 
 
 class Flights:
@@ -184,6 +197,7 @@ class Flights:
     ) -> Stepped:
         seen, situation = self._observed()
         reward = self._shaped("reward", self.task.reward(situation, seen), (self.count,))
+        terms = self.task.terms(situation, seen)
         motions = situation.motions
         through = motions.body_velocity - self._air
         state = (motions.attitude, motions.rates, motions.position, motions.flapping, through)
@@ -209,7 +223,7 @@ class Flights:
                 self._commands[:, row] = self._commanded(randoms[row])
                 self._until[row] += self.task.interval
             seen = self._observed()[0] if due.any() else seen
-        return self._scaled(seen), np.nan_to_num(reward), terminated, why
+        return Stepped(self._scaled(seen), np.nan_to_num(reward), terms, terminated, why)
 
     def look(self) -> NDArray[np.float32]:
         """Return what each agent sees now, (n, n_observation)."""

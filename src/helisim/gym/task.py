@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -166,6 +166,10 @@ class Task(ABC):
     def reward(self, situation: Situation, seen: Columns) -> Columns:
         """Return the reward of the last step, (n,), of what `observe` returned."""
 
+    def terms(self, situation: Situation, seen: Columns) -> Mapping[str, Columns]:
+        """Return what the reward is made of, by name, (n,) each, for the infos of a step."""
+        return {}
+
     def lost(self, situation: Situation, seen: Columns) -> NDArray[np.bool_]:
         """Return which helicopters, (n_env,), are too far off to go on, of (n_seen, n_env)."""
         return np.zeros_like(situation.motions.time, dtype=np.bool_)
@@ -216,16 +220,22 @@ class _Shipped(Task):
         )
 
     def reward(self, situation: Situation, seen: Columns) -> Columns:
-        """Return 1 / (1 + J)."""
-        missed = self.missed(seen) + 2.0 * (1.0 - seen[4]) / self.heading**2
-        missed += _square(seen[10:13]) / self.rate**2
+        """Return 1 / (1 + J), J the sum of the `terms`."""
+        return 1.0 / (1.0 + np.add.reduce([*self.terms(situation, seen).values()]))
+
+    def terms(self, situation: Situation, seen: Columns) -> dict[str, Columns]:
+        """Return the terms of J by name, (n,) each."""
         change = situation.actions - situation.before
-        missed += (_square(change[:3]) + change[3] * change[3]) / self.change**2
-        return 1.0 / (1.0 + missed)
+        return {
+            **self.missed(seen),
+            "heading": 2.0 * (1.0 - seen[4]) / self.heading**2,
+            "rate": _square(seen[10:13]) / self.rate**2,
+            "change": (_square(change[:3]) + change[3] * change[3]) / self.change**2,
+        }
 
     @abstractmethod
-    def missed(self, seen: Columns) -> Columns:
-        """Return the part of J, (n,), that is the command's."""
+    def missed(self, seen: Columns) -> dict[str, Columns]:
+        """Return the terms of J, (n,), that are the command's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,9 +265,12 @@ class Hover(_Shipped):
         """Return the way to the place, m."""
         return situation.commands[:3] - situation.motions.position
 
-    def missed(self, seen: Columns) -> Columns:
+    def missed(self, seen: Columns) -> dict[str, Columns]:
         """Return the squares of distance and speed."""
-        return _square(seen[:3]) / self.distance**2 + _square(seen[5:8]) / self.speed**2
+        return {
+            "distance": _square(seen[:3]) / self.distance**2,
+            "speed": _square(seen[5:8]) / self.speed**2,
+        }
 
     def lost(self, situation: Situation, seen: Columns) -> NDArray[np.bool_]:
         """Return which are farther from the place than `limit`, (n,) of (n_observation, n)."""
@@ -293,9 +306,9 @@ class Track(_Shipped):
         """Return the velocity that is missing, m/s."""
         return situation.commands[:3] - situation.motions.velocity
 
-    def missed(self, seen: Columns) -> Columns:
+    def missed(self, seen: Columns) -> dict[str, Columns]:
         """Return the square of the velocity's error."""
-        return _square(seen[:3]) / self.speed**2
+        return {"velocity": _square(seen[:3]) / self.speed**2}
 
 
 def _square(vectors: Columns) -> Columns:
