@@ -205,7 +205,7 @@ class Spread:
     def __init__(self, vehicle: Vehicle, relative: Mapping[str, float]) -> None:
         own, model = vehicle.parameters, vehicle.model
         self.names = tuple(relative)
-        check_known("parameter", self.names, sorted([*own, MASS]))
+        check_known("parameter", self.names, sorted({*own, MASS}))
         for name, width in relative.items():
             if not (is_number(width) and 0.0 <= width < 1.0):
                 raise InputError(

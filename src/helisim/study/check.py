@@ -37,7 +37,7 @@ _FASTEST_GROWTH = 0.2  # 1/s, that a pilot can still hold
 _LEAST_GAIN, _LEAST_PHASE = 6.0, 30.0  # least margins, dB and degrees
 _MADE_BY = {"calibrated.toml": "calibrate", "tuned.toml": "tune"}
 _USUAL = {
-    "disc_loading": (2.0, 1000.0, "mass in the MJCF, main_rotor.radius"),
+    "disc_loading": (2.0, 1000.0, "airframe.mass, main_rotor.radius"),
     "tip_speed": (20.0, 300.0, "main_rotor.radius and speed (rad/s, not rpm)"),
     "solidity": (0.01, 0.25, "main_rotor.chord, blades and radius"),
     "blade_loading": (0.005, 0.16, "mass, main_rotor.speed and chord"),
@@ -94,7 +94,7 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
         except TrimError as error:
             problems.append(
                 Problem(
-                    f"it does not hover: {error}; look at the mass in the MJCF and at the rotors",
+                    f"it does not hover: {error}; look at airframe.mass and at the rotors",
                     remedy=_solving("calibrate", folder),
                 )
             )

@@ -254,6 +254,7 @@ Around = Callable[[mujoco.MjSpec, mujoco.MjModel], None]  # adds what the vehicl
 _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
+NEEDS_INERTIAL = 'needs <inertial pos=".." mass=".." fullinertia=".."/>'
 _CLOSED = 1e-13  # relative rounding of the parts' sum of inertias
 _LONGEST = 10.0  # s, of the gyro's period and latencies: MuJoCo keeps what happened in it
 
@@ -320,7 +321,7 @@ def put_into(
 ) -> mujoco.MjModel:
     """Return the model compiled before parameters and `block`, (n_param,), are put into `spec`."""
     _drop_old_states(spec)
-    parts = spec.compile()
+    parts = _weighed(spec, spec.compile(), parameters)
     _check_names(parts, visual=visual)
     _set_delays(spec, parameters)
     for ordinal, label in enumerate(ACTUATORS):
@@ -335,6 +336,33 @@ def put_into(
         terms = missing[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
     return parts
+
+
+def _weighed(
+    spec: mujoco.MjSpec, parts: mujoco.MjModel, parameters: Mapping[str, float]
+) -> mujoco.MjModel:
+    """Give the fuselage what the parts lack of the mass, at the centre of gravity."""
+    root = root_body(parts)
+    own = float(parts.body_subtreemass[root])
+    wanted = dict(parameters).get("airframe.mass", own)
+    missing = wanted - own
+    if abs(missing) < _CLOSED * wanted:
+        return parts
+    data, fuselage = mujoco.MjData(parts), spec.body("fuselage")
+    mujoco.mj_kinematics(parts, data)
+    mujoco.mj_comPos(parts, data)
+    body, mass = data.body("fuselage"), fuselage.mass + missing
+    if not fuselage.explicitinertial:
+        raise ModelError(f'<body name="fuselage"> {NEEDS_INERTIAL}')
+    if mass <= 0.0:
+        raise ModelError(
+            f"airframe.mass is {wanted:g} kg, and the parts beside the fuselage have "
+            f"{wanted - mass:g} kg already"
+        )
+    centre = body.xmat.reshape(3, 3).T @ (data.subtree_com[root] - body.xpos)
+    fuselage.ipos = (fuselage.mass * np.asarray(fuselage.ipos) + missing * centre) / mass
+    fuselage.mass = mass
+    return spec.compile()
 
 
 def with_room(
@@ -420,13 +448,16 @@ def wanted_inertia(parameters: Mapping[str, float]) -> NDArray[np.float64]:
     return wanted
 
 
-def mass_and_gravity(vehicle: str | PathLike[str]) -> tuple[float, float]:
-    """Return a vehicle's mass, kg, and the gravity it flies in, m/s^2, of its MJCF."""
+def mass_and_gravity(
+    vehicle: str | PathLike[str], given: Mapping[str, float]
+) -> tuple[float, float]:
+    """Return a vehicle's mass, kg, given or of its MJCF, and the gravity it flies in, m/s^2."""
     with _named(path := mjcf_file(model_folder(vehicle))):
         spec = mujoco.MjSpec.from_file(str(path))
         _drop_old_states(spec)
         model = spec.compile()
-    return float(model.body_subtreemass[root_body(model)]), -float(model.opt.gravity[2])
+    own = float(model.body_subtreemass[root_body(model)])
+    return dict(given).get("airframe.mass", own), -float(model.opt.gravity[2])
 
 
 def total_inertia(model: mujoco.MjModel, root: str | int) -> NDArray[np.float64]:

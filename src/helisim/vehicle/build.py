@@ -16,7 +16,7 @@ from helisim.base.errors import ModelError
 from helisim.base.files import atomic_write, read_bytes
 from helisim.physics.layout import ACTUATORS, PARAM, ROTOR
 from helisim.physics.memory import check_model
-from helisim.vehicle.assembly import force_law_block, put_into
+from helisim.vehicle.assembly import NEEDS_INERTIAL, force_law_block, put_into
 from helisim.vehicle.parameters import mjcf_file, model_folder
 from helisim.vehicle.vehicle import load
 
@@ -148,8 +148,10 @@ def _changes(folder: Path) -> Iterator[Change]:
     own = takewhile(lambda one: one.tag != "body", found[found.index(fuselage) + 1 :])
     inertial = next((one for one in own if one.attribute("fullinertia")), None)
     if inertial is None:
-        raise ModelError(f'{fuselage.place} needs <inertial pos=".." mass=".." fullinertia=".."/>')
-    yield Change.to(inertial, {"fullinertia": np.asarray(spec.body("fuselage").fullinertia)})
+        raise ModelError(f"{fuselage.place} {NEEDS_INERTIAL}")
+    own = spec.body("fuselage")
+    body = {"pos": own.ipos, "mass": [own.mass], "fullinertia": own.fullinertia}
+    yield Change.to(inertial, {name: np.asarray(value) for name, value in body.items()})
     data, hover = vehicle.hovering(), _found(path, found, "key", "hover")
     moving = data.qvel if np.any(data.qvel) else np.array([])
     state = {"qpos": data.qpos, "qvel": moving, "ctrl": data.ctrl, "act": data.act}

@@ -80,7 +80,7 @@ def calibrate(
     for key in direct_ones:
         name = f"flapping.{key.lower()}"
         fixed[name] = PhysicalParameter(name, targets[key], UNITS[key], source)
-    guess = first_guess(given, targets, *mass_and_gravity(vehicle))
+    guess = first_guess(given, targets, *mass_and_gravity(vehicle, given))
     starts = np.array([guess[key] for key in UNKNOWNS])
 
     def join(scale: NDArray[np.float64]) -> Parameters:
@@ -233,14 +233,16 @@ def settled(vehicle: str | PathLike[str], given: Parameters) -> Parameters:
     """Return what follows from a vehicle's known parameters: section [flapping], and the hover.
 
     vehicle: name of a shipped one or path of a folder, whose MJCF is flown; given: with or without
-    the gyro's parameters. ModelError or TrimError if it can't hover.
+    the gyro's parameters, and [flapping] unless `is_known`. ModelError or TrimError if it can't
+    hover.
     """
     entries = given.entries()
-    for name, value in flapping_of(given).to_parameters().items():
+    found = flapping_of(given).to_parameters() if is_known(given) else {}
+    for name, value in found.items():
         known = glossary()[name]
         source = "computed: blade, hub stiffness and cyclic range"
         entries[name] = PhysicalParameter(name, value, known.unit, source)
-    mass, gravity = mass_and_gravity(vehicle)
+    mass, gravity = mass_and_gravity(vehicle, given)
     main = Disc.of(given, "main_rotor", mass * gravity)
     torque = hover_torque(given, main, given["main_rotor.lift_slope"])
     tail = Disc.of(given, "tail_rotor", torque / abs(given["tail_rotor.arm_x"]))
