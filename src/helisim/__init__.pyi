@@ -89,6 +89,7 @@ from helisim.sitl.parameters import AutopilotParameters as AutopilotParameters
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.design_chain import identify_for_design as identify_for_design
 from helisim.study.experiment import reproduce as reproduce
+from helisim.study.new_vehicle import Airframe as Airframe
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.tune import autopilot_parameters as autopilot_parameters
 from helisim.vehicle import Controller as Controller

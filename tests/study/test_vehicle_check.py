@@ -171,9 +171,55 @@ def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkey
     for name in shipped:
         # calibration stops at 1e-8 of its conditions, tuning where its cost changes by 1e-8
         assert tuned[name] == pytest.approx(shipped[name], rel=1e-3), name
-    assert "[targets] of parameters.toml" in tuned.entry("airframe.izz").source
+    assert tuned.entry("airframe.izz").source == f"blade360: {shipped.entry('airframe.izz').source}"
     for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
         assert tomllib.loads((tmp_path / "own" / file).read_text())
+
+
+FROUDE = 0.5  # of lengths: masses as the third power, times as the root
+
+
+@pytest.mark.slow
+def test_an_airframe_of_half_the_size_is_dynamically_similar(tmp_path, monkeypatch, capsys):
+    """Froude's law: rates of the hover's derivatives go with 1 / root of the size, hub moments too.
+
+    Without Mach number, which does not scale, nothing but rounding and solvers is left.
+    """
+    large = new_vehicle("large", to=tmp_path)
+    _change(large / PARAMETERS, "sound_speed = { value = 340.3", "sound_speed = { value = 0.0")
+    monkeypatch.chdir(tmp_path)
+    own = load(large).parameters
+    mass, rotor = FROUDE**3 * own["airframe.mass"], 2.0 * FROUDE * own["main_rotor.radius"]
+    rpm = own["main_rotor.speed"] / FROUDE**0.5 * 30.0 / np.pi
+    numbers = f"--mass {mass!r} --rotor {rotor!r} --rpm {rpm!r}"
+    assert main(f"vehicle new half --like large {numbers}".split()) == 0
+    assert "half: All is well." in capsys.readouterr().out
+    half = load("half")
+    assert check_vehicle("half").problems == ()
+    assert half.parameters.entry("airframe.mass").source == "given"
+    assert half.parameters.entry("airframe.ixx").source == "estimated: 0.2 of large, in proportion"
+    assert half.parameters.entry("main_rotor.twist").source == "estimated: as large"
+    assert not any(name.startswith("targets.") for name in half.parameters)
+    assert main(["vehicle", "calibrate", "large", "--write", "--quiet"]) == 0  # for that air
+    found, wanted = half.derivatives, load(large).derivatives
+    times = {"N_r": 1, "Z_w": 1, "L_b": 2, "M_a": 2, "N_ped": 2, "tau_f": -1, "B_a": 0, "Y_v": 1}
+    for name, power in times.items():
+        assert found[name] == pytest.approx(wanted[name] / FROUDE ** (0.5 * power), rel=1e-6), name
+
+
+def test_an_airframe_lacks_nothing_that_it_needs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert "a vehicle from numbers needs rpm" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1.35
+    )
+    assert "mass must be a number above 0" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 0, "--rotor", 1.35, "--rpm", 2100
+    )
+    # 42 kg on a rotor of 0.35 m: no pitch of the blades lifts it
+    assert "no hover found" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 42, "--rotor", 0.35, "--rpm", 2000
+    )
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_there_is_not_overwritten(made, capsys):

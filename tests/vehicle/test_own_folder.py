@@ -20,7 +20,7 @@ from helisim.study.replicates import run_campaign
 from helisim.study.tune import tune
 from helisim.vehicle import build
 from helisim.vehicle.build import Change, elements, unwritten, write_numbers
-from helisim.vehicle.parameters import model_folder
+from helisim.vehicle.parameters import model_folder, read_parameters
 from own_vehicle import copied, edited
 from tabled import tabled
 
@@ -109,8 +109,18 @@ def test_a_campaign_takes_a_path_from_its_file(myheli, tmp_path):
 def test_a_folder_of_that_name_is_not_the_published_vehicle(tmp_path):
     """Nothing is published of someone's folder, even if it is called jr700."""
     own = copied(tmp_path / "jr700")
+    before = read_parameters(own / "calibrated.toml")
+    text = calibrated_text(own)
+    assert "Without [targets] only the blades' pitch is solved" in text
+    (own / "calibrated.toml").write_text(text)
+    found = read_parameters(own / "calibrated.toml")
+    assert dict(found) == pytest.approx(dict(before), rel=1e-6)  # the trim's controls: 1e-9
+    assert found.entry("airframe.izz") == before.entry("airframe.izz")
+    (own / "calibrated.toml").unlink()
     with pytest.raises(ModelError, match=r"section \[targets\]"):
         calibrated_text(own)
+    copied(tmp_path / "again")
+    (tmp_path / "again" / "calibrated.toml").rename(own / "calibrated.toml")
     with pytest.raises(ModelError, match=r"section \[tuning\]"):
         tune(hs.load(own))
 

@@ -210,19 +210,43 @@ def vehicle(_: Options) -> None:
 def vehicle_new(o: Options) -> int:
     """Make a folder that flies at once, commented line by line.
 
-    Make a vehicle's folder from another's. Nothing is overwritten.
+    Make a vehicle's folder from another's, or of the size that numbers say. Nothing is overwritten.
 
     Options:
         name NAME  of the vehicle and its folder
         --like VEHICLE <=jr700>  that it is made from, name or path (default: jr700)
         --to DIR  in which its folder is made (default: here)
         @quiet
+        from numbers, all else estimated in proportion to --like:
+        --mass KG <float>  as it flies; with --rotor and --rpm
+        --rotor M  diameter
+        --rpm RPM  of the main rotor
+        --blades N  of the main rotor
+        --chord M  of its blades
+        --tail-rotor M  diameter
+        --tail-chord M  of its blades
+        --tail-ratio X  turns of the tail rotor for one of the main rotor
+        --tail-arm M  from mast to tail rotor's shaft
+        --servo S  of the swashplate, for 60 degrees
 
-    example: helisim vehicle new myheli --like blade360
+    examples:
+      helisim vehicle new myheli --like blade360
+      helisim vehicle new libelle --mass 4.2 --rotor 1.35 --rpm 2100
+
+    From numbers the hover is solved and the gyro tuned, which takes half a minute.
     """
-    from helisim.study.new_vehicle import new_vehicle
+    from helisim.base.settings import from_plain, setting_names
+    from helisim.show.terminal import render_check
+    from helisim.study.check import check_vehicle
+    from helisim.study.new_vehicle import Airframe, new_vehicle
 
-    folder = new_vehicle(o.name, like=o.like, to=o.to)
+    given = {name: getattr(o, name) for name in setting_names(Airframe)}
+    given = {name: value for name, value in given.items() if value is not None}
+    airframe = from_plain(Airframe, given, "a vehicle from numbers") if given else None
+    with progress(None, o.quiet or airframe is None) as advance:
+        folder = new_vehicle(o.name, like=o.like, to=o.to, airframe=airframe, on_progress=advance)
+    if airframe is not None and not o.quiet:
+        print(render_check(check_vehicle(folder)))
     shown = folder.name if o.to is None else o.to / folder.name
     print_written(o, f"{shown}; next: see {shown}/README.md, or helisim vehicle linearize {shown}")
     return 0

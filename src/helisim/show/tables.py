@@ -45,6 +45,7 @@ _EQUIVALENT = (
 _UNCERTAINTY = ".2g"
 _FIGURE = ".3g"
 _FLOWN = {  # Table 1 -> the vehicle's parameter
+    "m": "airframe.mass",
     "R_mr": "main_rotor.radius",
     "R_tr": "tail_rotor.radius",
     "c_mr": "main_rotor.chord",
@@ -63,7 +64,7 @@ def comparison(shown: ComparisonTable) -> Table:
         notes.append(("equivalent", _EQUIVALENT))
     return table(
         shown.name,
-        f"parameter<|unit<|paper|{shown.truth}|identified|CR %|insens. %*|paper CR %*"
+        f"parameter<|unit<|paper|{shown.truth}|identified|std. error*|CR %|insens. %*|paper CR %*"
         "|support<|agreement<",
         (_compared(shown.name, row) for row in shown.parameters),
         f"from {shown.input}, {low:.3g} to {high:.3g} rad/s, average cost {shown.cost:.3g}",
@@ -85,6 +86,7 @@ def _compared(name: str, row: ParameterRow) -> tuple[str, ...]:
     of_paper = printed.cr_percent if printed and is_its else None
     return (
         *(row.name, row.unit, *numbers(values, common_form(values))),
+        number(row.standard_error, _UNCERTAINTY),
         *numbers((row.cr_percent, row.insensitivity_percent, of_paper), PERCENT),
         *(row.support or "-", row.agreement),
     )
@@ -195,10 +197,11 @@ def fitted(fit: Fit) -> Table:
     """Return the parameters of a fit with their bounds and support."""
     return table(
         fit.structure.name,
-        "parameter<|unit<|value|CR %|insens. %|support<",
+        "parameter<|unit<|value|std. error|CR %|insens. %|support<",
         (
             (
                 *(one.name, one.unit, number(one.value)),
+                number(one.standard_error or None, _UNCERTAINTY),
                 number(None if one.fixed else one.cr_percent, PERCENT),
                 number(None if one.fixed else one.insensitivity_percent, PERCENT),
                 fit.support(one.name),

@@ -5,19 +5,21 @@ import re
 import secrets
 import shutil
 import textwrap
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from helisim.base.errors import InputError, ModelError, StorageError
 from helisim.base.files import make_folder, read_toml
+from helisim.base.settings import Checked, setting
+from helisim.base.units import RAD_S_PER_RPM
 from helisim.study.paper import published
-from helisim.vehicle import (
-    calibrate,
-    read_parameters,
-    standard_parameters,
-)
+from helisim.vehicle import calibrate, load, read_parameters, standard_parameters
+from helisim.vehicle.build import Change, elements, write_changes, write_numbers
 from helisim.vehicle.calibrate import (
     DIRECT,
     HOVER,
@@ -42,11 +44,12 @@ from helisim.vehicle.parameters import (
     to_toml,
     vehicle_names,
 )
-from helisim.vehicle.rate_command import STARTS
-from helisim.vehicle.swashplate import INERTIA, REDUCTION, lock_number, stated, with_both
+from helisim.vehicle.rate_command import STARTS, tune_rate_command
+from helisim.vehicle.swashplate import INERTIA, REDUCTION, changed, lock_number, stated, with_both
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
 _WIDTH = 98
+_SERVO, _SERVO_RATE, _SERVO_FREQUENCY = 0.07, 10.0, 200.0  # s for 60 degrees; 1/s, rad/s of it
 
 _TUNING = {
     "tuning.cyclic_bandwidth": 8.0,
@@ -55,15 +58,108 @@ _TUNING = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Airframe(Checked):
+    """What a pilot knows of a helicopter; what is None is the other's, in proportion.
+
+    Attributes:
+        mass: as it flies, kg.
+        rotor, tail_rotor: diameters, m.
+        rpm: of the main rotor.
+        blades: of the main rotor.
+        chord, tail_chord: of the blades, m.
+        tail_ratio: turns of the tail rotor for one of the main rotor.
+        tail_arm: from the mast to the tail rotor's shaft, m.
+        servo: of the swashplate, s for 60 degrees.
+    """
+
+    mass: float = setting(unit="kg", above=0.0)
+    rotor: float = setting(unit="m", above=0.0)
+    rpm: float = setting(above=0.0)
+    blades: int | None = setting(None, low=2)
+    chord: float | None = setting(None, unit="m", above=0.0)
+    tail_rotor: float | None = setting(None, unit="m", above=0.0)
+    tail_chord: float | None = setting(None, unit="m", above=0.0)
+    tail_ratio: float | None = setting(None, above=0.0)
+    tail_arm: float | None = setting(None, unit="m", above=0.0)
+    servo: float | None = setting(None, unit="s", above=0.0)
+
+    def ratios(self, other: Mapping[str, float]) -> "Ratios":
+        """Return its mass, size and rotor speed over another vehicle's."""
+        return Ratios(
+            self.mass / other["airframe.mass"],
+            0.5 * self.rotor / other["main_rotor.radius"],
+            self.rpm * RAD_S_PER_RPM / other["main_rotor.speed"],
+        )
+
+    def parameters(self, other: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters that are known, by name, SI."""
+        turns = self.tail_ratio or other["tail_rotor.speed"] / other["main_rotor.speed"]
+        quick = (self.servo or 0.0) / _SERVO
+        known = {
+            "airframe.mass": self.mass,
+            "main_rotor.radius": 0.5 * self.rotor,
+            "main_rotor.speed": self.rpm * RAD_S_PER_RPM,
+            "main_rotor.blades": self.blades,
+            "main_rotor.chord": self.chord,
+            "tail_rotor.radius": self.tail_rotor and 0.5 * self.tail_rotor,
+            "tail_rotor.chord": self.tail_chord,
+            "tail_rotor.speed": self.rpm * RAD_S_PER_RPM * turns,
+            "tail_rotor.arm_x": self.tail_arm and -self.tail_arm,
+            "servo.rate_limit": quick and _SERVO_RATE / quick,
+            "servo.swash_frequency": quick and _SERVO_FREQUENCY / quick,
+        }
+        return {name: float(value) for name, value in known.items() if value}
+
+
+class Ratios(NamedTuple):
+    """A vehicle's mass, size and rotor speed over those of another one of its kind."""
+
+    mass: float
+    size: float
+    speed: float
+
+    def of(self, name: str, unit: str) -> float:
+        """Return by what a parameter of that unit grows.
+
+        At one flapping frequency and Lock number: blades of one lift slope have inertias as the
+        fifth power of their length. Power goes with the hover's, torque with power over speed.
+        """
+        mass, size, speed = _GROWTH.get(name) or _GROWTH.get(unit, (0.0, 0.0, 0.0))
+        return self.mass**mass * self.size**size * self.speed**speed
+
+
+_POWER = (1.5, -1.0, 0.0)
+_BLADES, _SPEED = (0.0, 5.0, 0.0), (0.0, 0.0, 1.0)
+_GROWTH = {
+    "m": (0.0, 1.0, 0.0),
+    "m^2": (0.0, 2.0, 0.0),
+    "kg": (1.0, 0.0, 0.0),
+    "kg m^2": (1.0, 2.0, 0.0),
+    "main_rotor.blade_inertia": _BLADES,
+    "drive.inertia": _BLADES,
+    "N m/rad": (0.0, 5.0, 2.0),
+    "drive.power_speed": _SPEED,
+    "rad/s/V": _SPEED,
+    "N m": (1.5, -1.0, -1.0),
+    "ohm": (-1.5, 1.0, 0.0),
+    **dict.fromkeys(("W", "A", "C", "J/K", "W/K"), _POWER),
+}  # Parameter, or the unit of all others -> its powers of mass, size and rotor speed
+
+
 def new_vehicle(
     name: str,
     *,
     like: str | os.PathLike[str] = "jr700",
     to: str | os.PathLike[str] | None = None,
+    airframe: Airframe | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Make a vehicle's folder from another's, in folder `to` or the present one, and return it.
 
-    Raises InputError for an unfit name, UnknownNameError, or StorageError if the folder exists.
+    With an airframe all that is not known of it is estimated from the other vehicle, and says so;
+    its hover is solved, and its gyro tuned. Raises InputError for an unfit name, UnknownNameError,
+    StorageError if the folder exists, or ModelError or TrimError if an airframe can't fly.
     """
     if not _NAME.fullmatch(name) or name in vehicle_names():
         raise InputError(
@@ -75,11 +171,13 @@ def new_vehicle(
     folder = Path(to or "").resolve() / name
     if folder.exists():
         raise StorageError(f"{folder} is there already, and is not overwritten: take another name")
-    texts = _texts(source, name)
     temporary = folder.with_name(f".{name}.{secrets.token_hex(4)}.tmp")
     try:
         make_folder(temporary.parent)
-        _write(source, temporary, name, texts)
+        _write(source, temporary, name, _texts(source, name, airframe))
+        if airframe is not None:
+            ratios = airframe.ratios(standard_parameters(source))
+            _fit(temporary, name, ratios, on_progress)
         os.rename(temporary, folder)
     except OSError as error:
         raise StorageError(f"can't make {folder}: {error.strerror or error}") from None
@@ -109,22 +207,55 @@ def _write(source: Path, folder: Path, name: str, texts: dict[str, str]) -> None
         (folder / file).write_text(text, encoding="utf-8")
 
 
-def _texts(source: Path, name: str) -> dict[str, str]:
+def _fit(folder: Path, name: str, ratios: Ratios, on_progress: Callable[[str], None]) -> None:
+    """Give the folder's MJCF an airframe's size and mass, solve its hover, and tune its gyro."""
+    path, own = folder / f"{name}.xml", standard_parameters(folder)
+    shutil.rmtree(folder / "rigs", ignore_errors=True)  # of another size
+    write_changes([*_resized(path, ratios, own)])
+    on_progress("hover")
+    (folder / PARAMETER_FILES[1]).write_text(calibrated_text(folder), encoding="utf-8")
+    on_progress("gyro")
+    tuned = to_toml(tune_rate_command(load(folder, tuned=False)), _header("retuned"))
+    (folder / PARAMETER_FILES[2]).write_text(tuned, encoding="utf-8")
+    write_numbers(folder)
+
+
+def _resized(path: Path, ratios: Ratios, own: Mapping[str, float]) -> Iterator[Change]:
+    units = {"mass": "kg", "fullinertia": "kg m^2", "diaginertia": "kg m^2"}
+    lengths = dict.fromkeys(("pos", "size", "fromto"), "m")
+    for one in elements(path, path.read_bytes()):
+        found = {key: (one.numbers(key), unit) for key, unit in (units | lengths).items()}
+        new = {
+            key: ratios.of("", unit) * np.array(value)
+            for key, (value, unit) in found.items()
+            if value
+        }
+        if one.tag == "mesh" and one.attribute("inertia"):
+            new["scale"] = np.full(3, ratios.size)
+        if one.tag == "site" and one.name == "tail_hub":
+            new["pos"] = np.array([own["tail_rotor.arm_x"], 0.0, -own["tail_rotor.arm_z"]])
+        yield Change.to(one, new)
+
+
+def _texts(source: Path, name: str, airframe: Airframe | None) -> dict[str, str]:
     like, mjcf = source.name, mjcf_file(source)
     mjcf_name = f"{name}.xml" if mjcf.stem == like else mjcf.name
-    own = stated(standard_parameters(source))
-    entries = {
-        key: replace(own.entry(key), source=f"{like}: {own.entry(key).source}") for key in own
-    }
+    own = standard_parameters(source)
+    if airframe is not None:
+        entries = _estimated(own, like, airframe).entries()
+    else:
+        entries = stated(own).entries()
+        entries = {k: replace(one, source=f"{like}: {one.source}") for k, one in entries.items()}
+    entries = {k: one for k, one in entries.items() if not k.startswith("targets.")}  # its own
     tuned = {key: entries.pop(key) for key in STARTS}
     unknown = HOVER if is_known(read_parameters(source / PARAMETER_FILES[0])) else UNKNOWNS
     solved = [*(f"flapping.{key.lower()}" for key in DIRECT), *unknown]
     calibrated = {key: entries.pop(key) for key in solved if key in entries}
-    targets = {f"targets.{key}": value for key, value in targets_of(source, own).items()}
-    for key, value in {**targets, **_TUNING}.items():
+    for key, value in _TUNING.items():
         known = term(key)
         if key not in entries and known is not None:
-            entries[key] = PhysicalParameter(key, value, known.unit, _origin(key, like))
+            source_of = "chosen: margins of 36 degrees"
+            entries[key] = PhysicalParameter(key, value, known.unit, source_of)
     given = {key: entries[key] for key in sorted(entries, key=_rank)}
     header = _header("parameters").format(name=name, like=like)
     return {
@@ -135,8 +266,19 @@ def _texts(source: Path, name: str) -> dict[str, str]:
     }
 
 
-def _origin(key: str, like: str) -> str:
-    return f"{like}: published" if key.startswith("targets.") else "chosen: margins of 36 degrees"
+def _estimated(own: Parameters, like: str, airframe: Airframe) -> Parameters:
+    """Return a vehicle's parameters with an airframe's mass, size and speed, and those known."""
+    ratios, known = airframe.ratios(own), airframe.parameters(own)
+    scaled = {name: ratios.of(name, own.entry(name).unit) * own[name] for name in own}
+    fixed = {name: value for name, value in scaled.items() if value != own[name]}
+    new = changed(own, fixed | known).entries()
+    for name, one in new.items():
+        origin = "given" if name in known else f"estimated: as {like}"
+        if name not in known and one.value != own[name]:
+            origin = f"estimated: {own[name]:.4g} of {like}, in proportion"
+        new[name] = replace(one, source=origin)
+    names = {*stated(own), INERTIA} - {"flapping.tau_f"}  # which follows
+    return Parameters({name: one for name, one in new.items() if name in names})
 
 
 def targets_of(folder: Path, given: Parameters) -> dict[str, float]:
@@ -168,14 +310,20 @@ def calibrated_text(
 ) -> str:
     """Return a vehicle's `calibrated.toml`, solved from its derivatives.
 
-    If parameters.toml states all solved parameters, only the blades' pitch in hover is solved for.
+    If parameters.toml states all solved parameters, only the blades' pitch in hover is solved for;
+    without any target the rest of `calibrated.toml` stays.
     Raises UnknownNameError, or ModelError where a derivative is missing or can't be met.
     """
     folder = model_folder(vehicle)
-    files = (folder / "parameters.toml", folder / "tuned.toml")
-    given = completed(read_parameters(*(path for path in files if path.is_file())))
+    files = [folder / file for file in PARAMETER_FILES]
+    given = completed(read_parameters(*(files[k] for k in (0, 2) if files[k].is_file())))
     if is_known(given) and not stated_targets(given):
         return to_toml(settled(folder, given), _header("known"))
+    if files[1].is_file() and not targets_of(folder, given):
+        kept = read_parameters(files[1]).entries()
+        kept = {name: one for name, one in kept.items() if name not in HOVER}
+        hover = settled(folder, completed(Parameters(given.entries() | kept)))
+        return to_toml(Parameters({**kept, **hover.entries()}), _header("kept"))
     shipped, targets = is_shipped(folder), targets_of(folder, given)
     source = published(folder.name).source if shipped else "[targets] of parameters.toml"
     if missing := lacking(targets, given):

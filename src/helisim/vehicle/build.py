@@ -44,6 +44,13 @@ class Element:
         found = re.search((_ATTRIBUTE % name).encode(), self.written)
         return (found[3] or found[4] or b"").decode() if found else ""
 
+    def numbers(self, name: str) -> list[float]:
+        """Return the numbers of an attribute, none if it has no others."""
+        try:
+            return [float(word) for word in self.attribute(name).split()]
+        except ValueError:
+            return []
+
     @property
     def name(self) -> str:
         """Its name, or ""."""
@@ -85,7 +92,7 @@ class Change:
         """Return what gives an element numbers, none to drop an attribute; solved: accuracy."""
         new, changed = element.written, []
         for name, wanted in numbers.items():
-            found = _numbers(element.attribute(name))
+            found = element.numbers(name)
             if len(found) == len(wanted) and np.allclose(found, wanted, _ROUNDING, solved):
                 continue
             changed.append(name)
@@ -107,6 +114,11 @@ def write_numbers(vehicle: str | PathLike[str]) -> tuple[Path, ...]:
     changes = unwritten(vehicle)
     if not changes:
         return ()
+    return (write_changes(changes),)
+
+
+def write_changes(changes: Sequence[Change]) -> Path:
+    """Write changes into their file, in its order; return it. Raises as `write_numbers`."""
     path = changes[0].element.file
     text = read_bytes(path, limit=_MAX_BYTES)
     for change in reversed(changes):  # each moves what stands behind it
@@ -115,7 +127,7 @@ def write_numbers(vehicle: str | PathLike[str]) -> tuple[Path, ...]:
     with atomic_write(path) as temporary:
         temporary.write_bytes(text)
         check_model(mujoco.MjModel.from_xml_path(str(temporary)))
-    return (path,)
+    return path
 
 
 def unwritten(vehicle: str | PathLike[str]) -> tuple[Change, ...]:
@@ -173,10 +185,3 @@ def _text(numbers: Sequence[float] | NDArray[np.float64]) -> str:
         return text
     lines = textwrap.wrap(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
     return "".join(f"\n      {line}" for line in lines)
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        return []
