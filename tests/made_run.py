@@ -130,6 +130,7 @@ def write_run(folder: Path) -> Results:
     (folder / "flights").mkdir()
     swept = {"kind": "Sweep", "axis": "lat", "duration": 3.0, "trim_time": 0.5}
     for name in ("lat_01", "lat_02", "col_01"):
-        record = make_flight(excitation=swept, parameters={"main_rotor.radius": 0.767}, flight=name)
+        own = {"main_rotor.radius": 0.767, "airframe.mass": 8.01}
+        record = make_flight(excitation=swept, parameters=own, flight=name)
         write_record(record, folder / "flights" / f"{name}.parquet")
     return results

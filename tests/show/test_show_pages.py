@@ -40,10 +40,12 @@ def test_every_number_is_that_of_the_results(folder, page):
             values = [row[name] for name in ("paper", "truth", "identified")]
             texts = [number(value, common_form(values)) for value in values]
             (found,) = [one for one in page.rows if one[:5] == [row["name"], row["unit"], *texts]]
-            assert found[8:] == [row["support"], "agrees"]
+            assert found[5] == number(row["standard_error"], ".2g")
+            assert found[9:] == [row["support"], "agrees"]
     found = {row[0]: row for row in reversed(page.rows) if row}
-    assert found["L_b"][7] == "14"  # Table 3: 13.9 %
+    assert found["L_b"][8] == "14"  # Table 3: 13.9 %
     assert found["l_f"][2] == "1.332"
+    assert found["m"][2:4] == ["8.01", "8.01"]
     text = (folder / "report.html").read_text()
     for said in (
         "Z_w: within 3 % of the truth (for the test)",
