@@ -76,8 +76,12 @@ def tail_wash(par, u, v, inflow):
 def test_the_tail_enters_the_wake_with_speed(par):
     """Nothing in hover; from 5 m/s on it washes over the tail; sideways and back it stays away."""
     assert tail_wash(par, 0.0, 0.0, 0.031) == pytest.approx(0.0, abs=1e-12)
-    assert tail_wash(par, 5.0, 0.0, 0.022) > 1.0
-    assert 1.0 < tail_wash(par, 20.0, 0.0, 0.013) < 2.2
+    place = np.array([par[PARAM.tail_x] - par[PARAM.hub_x], par[PARAM.tail_z] - par[PARAM.hub_z]])
+    for speed, inflow in ((5.0, 0.022), (20.0, 0.013)):
+        skew = math.atan2(speed, inflow * TIP)
+        vortices = loaded_downwash(*place / par[PARAM.main_radius], skew, core=0.1)
+        # the polynomial is off by a fifth there (docs/limits.md)
+        assert tail_wash(par, speed, 0.0, inflow) == pytest.approx(float(vortices), abs=0.2)
     assert tail_wash(par, 0.0, 10.0, 0.014) == pytest.approx(0.0, abs=1e-12)
     assert tail_wash(par, -10.0, 0.0, 0.014) == pytest.approx(0.0, abs=1e-12)
 
@@ -112,7 +116,11 @@ def test_a_tailplane_steadies_and_is_washed():
     force = 0.5 * 1.225 * 0.008 * slope * 20.0 / flown.parameters["airframe.iyy"]
     # the wash falls as the rotor unloads: less than the plate alone in still air
     assert -force * 0.70 < change[0] < -0.5 * force * 0.70
-    assert change[1] == pytest.approx(-force * 0.70**2, rel=0.25)
+    # no wash up to twice the disc's, that of a rotor far ahead, bring the plate so near its stall
+    induced = 8.01 * 9.8015 / (2.0 * 1.225 * math.pi * 0.767**2 * 20.0)
+    sines = [math.sin(flown.trim.theta) - share * induced / 20.0 for share in (0.0, 2.0)]
+    kept = [(1.0 + (slope * sine / 1.17) ** 4) ** -1.25 for sine in sines]
+    assert kept[1] < change[1] / (-force * 0.70**2) < kept[0]
     slow = [load(parameters=one).trimmed(speed=6.0).trim.lon for one in ({}, plane)]
     assert slow[1] < slow[0]  # the disc tilts further forward against it
 
