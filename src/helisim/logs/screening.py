@@ -7,16 +7,16 @@ from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim.base.arrays import Real
 from helisim.base.note import Option
-from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS, window_transforms
+from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.timing import GAP, Options, Samples
 from helisim.records.quality import frozen_runs, spikes
-from helisim.records.record import ATTITUDES, IN1, IN2, RATES
+from helisim.records.record import IN1, IN2, RATES
+from helisim.records.turning import ANGLES, slope_matrix
 
 _REGULAR = 0.01  # largest error of a steady recorder's step, of the median step
 _SAME = 0.1  # largest error of a ratio that is a unit's, in its logarithm
@@ -26,18 +26,13 @@ _FASTEST = 40.0  # rad/s: more than gyros measure (2000 deg/s are 35)
 # Most of angles, with some rounding, and rates, rad and rad/s.
 _MOST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
 _SLOWEST, _WIDE = 1.0, 2.0  # rad/s and rad rms: faster swings that are wider are in deg/s
-_LONG = 256  # least samples of a swing or a comparison
+_LONG = 256  # least samples of a swing
 _PULSES = (700.0, 2300.0)  # us, of a radio
 _UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
-# Least coherence of a frequency that is compared: noise moves a ratio by a tenth at most there.
-_COHERENT = 0.8
-_WINDOWS = 16  # Half-overlapping windows of a record, whose median counts
-_LOWEST = 3  # Least periods in a window
+# Error of a rate's slope, of the slope, and the share of the rate that it makes, where it is sure.
+_UNSURE, _MAINLY = 0.15, 0.7
+_LOWEST = 25.0  # periods in a log, at least
 _HIGHEST = 0.08  # of the sampling rate: up to here central differences are right within 5 %
-_FEWEST = 5  # Least number of coherent frequencies
-_EXPLAINED = 0.05  # Least share of a channel's power in the band that the coherent frequencies hold
-_STRONG = 0.1  # of the median window's power, from which a window counts
-_ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))
 
 
 def screened(
@@ -131,27 +126,6 @@ class Channels(NamedTuple):
         return (replace(column, sign=-column.sign) if flip else column).option(to or name)
 
 
-class Likeness(NamedTuple):
-    """How a measured channel goes with a predicted one: `ratio` is measured over predicted, signed.
-
-    `coherence` is its mean, weighted by power, `phase` in rad.
-    """
-
-    coherence: float = 0.0
-    ratio: float = 0.0
-    phase: float = 0.0
-
-    @property
-    def sure(self) -> bool:
-        """Whether the two go together, in phase or against each other."""
-        return self.coherence >= _COHERENT and abs(math.sin(self.phase)) < 0.5
-
-    @property
-    def off(self) -> bool:
-        """Whether the ratio isn't 1."""
-        return abs(math.log(abs(self.ratio))) > _SAME
-
-
 def implausible(channels: Channels) -> list[LogFinding]:
     """Return findings on channels whose unit, sign or axis can't be as declared."""
     with np.errstate(all="ignore"):
@@ -206,22 +180,46 @@ def _gravity(channels: Channels) -> Iterator[LogFinding]:
 
 
 def _rates(channels: Channels) -> list[LogFinding]:
-    pairs = _compared(channels, _turning(channels))
-    own = {one: like for (one, other), like in pairs.items() if one == other}
-    for order in permutations(own):
-        moved = [(one, other) for one, other in zip(own, order) if one != other]
-        if moved and all(pairs[pair].sure and not own[pair[0]].sure for pair in moved):
+    named = [name for name in RATES if name in channels.declared]
+    rates = [name for name in named if ANGLES[name] in channels.columns]
+    columns = [channels.columns[one] for name in rates for one in (name, ANGLES[name])]
+    if not rates or not np.all(np.abs(columns) < 1e100):  # squares have a sum
+        return []
+    low, high = 2.0 * math.pi / channels.step * np.array([_LOWEST / columns[0].size, _HIGHEST])
+    if low > 0.5 * high:
+        return []
+    ratio, error, share = slope_matrix([(channels.columns, channels.step)], rates, (low, high))
+    sure = (error < _UNSURE * np.abs(ratio)) & (share > _MAINLY)
+    pairs = {
+        (one, other): Likeness(ratio[k, n], error[k, n], bool(sure[k, n]))
+        for k, one in enumerate(rates)
+        for n, other in enumerate(rates)
+    }
+    for order in permutations(rates):
+        moved = [(one, other) for one, other in zip(rates, order) if one != other]
+        if moved and all(pairs[pair].sure and not pairs[pair[0], pair[0]].sure for pair in moved):
             text = ", ".join(_said(one, other, pairs[one, other]) for one, other in moved)
             remedy = tuple(_as(channels, one, other, pairs[one, other]) for one, other in moved)
             return [LogFinding("axes", f"columns are swapped: {text}", remedy)]
-    found = (_own(channels, one, like) for one, like in own.items() if like.sure)
+    found = (_own(channels, one, pairs[one, one]) for one in rates if pairs[one, one].sure)
     return [one for one in found if one is not None]
 
 
+class Likeness(NamedTuple):
+    """How often a rate is the one that an angle's slope makes, and whether it is that at all."""
+
+    ratio: float
+    error: float
+    sure: bool
+
+    @property
+    def off(self) -> bool:
+        """Whether the ratio isn't 1."""
+        return abs(math.log(abs(self.ratio))) > _SAME
+
+
 def _said(name: str, source: str, like: Likeness) -> str:
-    return (
-        f"{name} is {like.ratio:.3g} times d({_ANGLES[source]})/dt (coherence {like.coherence:.2f})"
-    )
+    return f"{name} is {like.ratio:.3g} +- {like.error:.2g} times d({ANGLES[source]})/dt"
 
 
 def _as(channels: Channels, one: str, other: str, like: Likeness) -> Option:
@@ -231,7 +229,7 @@ def _as(channels: Channels, one: str, other: str, like: Likeness) -> Option:
 
 
 def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
-    angle, size, flip = _ANGLES[name], abs(like.ratio), like.ratio < 0.0
+    angle, size, flip = ANGLES[name], abs(like.ratio), like.ratio < 0.0
     said, still = _said(name, name, like), np.std(channels.columns[angle]) < _LEAST_ANGLE
     wrong, factor = name, channels.factor(name) / size
     if still and angle in channels.declared:  # an angle declared in too small a unit
@@ -247,56 +245,3 @@ def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
     if abs(math.log(size)) > _SCALE:
         return LogFinding("scale", f"{said}: the scale of either, or of time, is wrong")
     return None
-
-
-def _turning(channels: Channels) -> dict[str, Real]:
-    angles = {name: channels.columns[name] for name in ATTITUDES if name in channels.columns}
-    slope = {name: np.gradient(angle, channels.step) for name, angle in angles.items()}
-    if len(angles) < 3:
-        return {rate: slope[angle] for rate, angle in _ANGLES.items() if angle in slope}
-    phi, theta = angles["phi"], angles["theta"]
-    return {
-        "p": slope["phi"] - slope["psi"] * np.sin(theta),
-        "q": slope["theta"] * np.cos(phi) + slope["psi"] * np.sin(phi) * np.cos(theta),
-        "r": slope["psi"] * np.cos(phi) * np.cos(theta) - slope["theta"] * np.sin(phi),
-    }
-
-
-def _compared(channels: Channels, predicted: Mapping[str, Real]) -> dict[tuple[str, str], Likeness]:
-    names = [name for name in RATES if name in channels.declared and name in predicted]
-    columns = [of[name] for of in (channels.columns, predicted) for name in names]
-    if not names or columns[0].size < _LONG or not np.all(np.isfinite(columns)):
-        return {}
-    length = 2 * (columns[0].size // (_WINDOWS + 1))
-    cycles = np.fft.rfftfreq(length)
-    inside = (np.arange(cycles.size) >= _LOWEST) & (cycles <= _HIGHEST)
-    if inside.sum() < _FEWEST:
-        return {}
-    transforms = window_transforms(np.column_stack(columns), length)[:_WINDOWS]
-    each = np.moveaxis(transforms[:, inside], 2, 0)
-    return {
-        (one, other): likeness(mine, theirs)
-        for one, mine in zip(names, each)
-        for other, theirs in zip(names, each[len(names) :])
-    }
-
-
-def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]) -> Likeness:
-    """Compare two channels' transforms, (n_window, n_freq) each."""
-    own, other = np.abs(measured) ** 2, np.abs(predicted) ** 2
-    cross = np.sum(measured * predicted.conj(), axis=0)
-    powers = np.sum(own, axis=0) * np.sum(other, axis=0)
-    coherence = np.abs(cross) ** 2 / np.where(powers > 0.0, powers, np.inf)
-    keep = coherence >= _COHERENT
-    share = np.sum(other[:, keep]) / np.sum(other)
-    if not np.all(np.isfinite(powers)) or keep.sum() < _FEWEST or not share >= _EXPLAINED:
-        return Likeness()
-    weight = np.sqrt(powers[keep])
-    each_own, each_other = np.sum(own[:, keep], axis=1), np.sum(other[:, keep], axis=1)
-    strong = each_other > _STRONG * np.median(each_other)
-    ratio = float(np.sqrt(np.median(each_own[strong] / each_other[strong])))
-    if not 0.0 < ratio < np.inf:
-        return Likeness()
-    total = np.sum(cross[keep] / np.abs(cross[keep]) * weight)
-    mean = float(np.sum(coherence[keep] * weight) / np.sum(weight))
-    return Likeness(mean, ratio if total.real >= 0.0 else -ratio, float(np.angle(total)))
