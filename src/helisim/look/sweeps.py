@@ -14,8 +14,10 @@ from helisim.base.arrays import Real
 from helisim.base.errors import LogError
 from helisim.base.note import Remedy
 from helisim.base.text import shown
+from helisim.base.units import unit
 from helisim.logs.dataflash import DataFlash, is_dataflash, open_dataflash
 from helisim.logs.source import file_digest
+from helisim.records.record import Channel
 
 Spans = Sequence[tuple[float, float]]
 
@@ -34,6 +36,12 @@ class SidAxis:
     def name(self) -> str:
         """Channel of the injected signal, such as "mixer_roll"."""
         return f"{self.place}_{self.word}"
+
+    @property
+    def channel(self) -> Channel:
+        """The injected signal."""
+        said = f"injected by SID_AXIS {self.number}"
+        return Channel(self.name, unit(self.unit).si, "OTHER", said)
 
     @property
     def identifies(self) -> bool:

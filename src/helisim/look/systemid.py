@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import chain
@@ -15,7 +15,7 @@ from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.units import STANDARD_GRAVITY, unit
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import (
     CrossControlWarning,
     FrequencyResponse,
@@ -43,7 +43,6 @@ from helisim.records.record import (
 
 Band = tuple[float, float]
 _FAST = 0.5  # of SIDD's rate: a message that is slower than that is no good beside it
-_INJECTED = "injected"
 _YAW, _SENT = "RATE.YOut", "RATE.YOut as sent"
 _TAIL, _SERVOS = 36, 32  # SERVOn_FUNCTION of a helicopter's tail, and how many servos there are
 _FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
@@ -205,8 +204,7 @@ class Inferred:
     @property
     def injected(self) -> tuple[SidAxis, ...]:
         """Axes of the used sweeps."""
-        axes = {one.axis: one.sid_axis for one in self.used}
-        return tuple(axes[number] for number in sorted(axes))
+        return tuple(sorted({one.sid_axis for one in self.used}, key=lambda axis: axis.number))
 
     @property
     def channels(self) -> frozenset[str]:
@@ -217,13 +215,14 @@ class Inferred:
     @property
     def bands(self) -> dict[str, Band]:
         """Control -> the band in which it was swept, rad/s."""
-        found: dict[str, Band] = {}
+        swept: dict[str, list[FlownSweep]] = {}
         for one in self.used:
-            name = one.sid_axis.control
-            low, high = found.get(name, (math.inf, 0.0))
-            if name in self.channels:
-                found[name] = min(low, one.low), max(high, one.high)
-        return found
+            swept.setdefault(one.sid_axis.control, []).append(one)
+        return {
+            name: (min(one.low for one in of), max(one.high for one in of))
+            for name, of in swept.items()
+            if name in self.channels
+        }
 
     def fit(
         self,
@@ -294,36 +293,34 @@ class Inferred:
             place = imu_place(log.parameters()) if _SIDE in wanted else None
             columns = {c.name: c.column for c in one.channels if c.name in wanted}
             for sweep in one.used:
-                columns[_INJECTED] = Column("SIDD.Targ", sweep.sid_axis.unit, meaning="injected")
+                axis = sweep.sid_axis
+                injected = {axis.name: Column("SIDD.Targ", axis.unit, meaning=axis.channel.meaning)}
                 options = replace(self.sampling, start=sweep.start, stop=sweep.stop)
-                part = from_source(source, Map(columns), digest, options)
-                records = tuple(self._named(record, sweep, place) for record in part.records)
+                part = from_source(source, Map(columns | injected), digest, options)
+                records = tuple(self._completed(record, sweep, place) for record in part.records)
                 found.append(replace(part, records=records))
             if on_progress is not None:
                 on_progress(path.name)
         return tuple(found)
 
-    def _named(
+    def _completed(
         self, record: FlightRecord, sweep: FlownSweep, place: Sequence[float] | None
     ) -> FlightRecord:
-        keep = [name != _INJECTED for name in record.names]
-        added = [record[_INJECTED] * (axis.number == sweep.axis) for axis in self.injected]
-        channels = [one for one in record.channels if one.name != _INJECTED]
-        channels += [
-            Channel(axis.name, unit(axis.unit).si, "OTHER", f"injected by SID_AXIS {axis.number}")
-            for axis in self.injected
+        """Return a sweep's record with all injected signals, and the side acceleration."""
+        own = [one for one in record.channels if one.name != sweep.sid_axis.name]
+        channels = [*own, *(axis.channel for axis in self.injected)]
+        of_sweep = [
+            record[sweep.sid_axis.name] * (axis == sweep.sid_axis) for axis in self.injected
         ]
-        if place is not None:
-            added.append(side_acceleration(record, place))
-            channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
-        values = np.column_stack([record.values[:, keep], *added])
+        columns = [*(record[one.name] for one in own), *of_sweep]
         facts = {**record.provenance, "sweep": sweep.to_dict()}
-        if spans := dict(record.provenance.get("missing", {})):
-            injected, of_side = spans.pop(_INJECTED, None), [spans.get(one, ()) for one in _SIDE_OF]
-            side = [*chain.from_iterable(of_side)] if place is not None else []
-            more = dict.fromkeys((axis.name for axis in self.injected), injected) | {_SIDE: side}
-            facts["missing"] = spans | {name: one for name, one in more.items() if one}
-        return FlightRecord(record.time, values, tuple(channels), facts)
+        if place is not None:
+            columns.append(side_acceleration(record, place))
+            channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
+            spans = record.provenance.get("missing", {})
+            lost = [*chain.from_iterable(spans.get(one, ()) for one in _SIDE_OF)]
+            facts |= {"missing": {**spans, _SIDE: lost}} if lost else {}
+        return FlightRecord(record.time, np.column_stack(columns), tuple(channels), facts)
 
     def __str__(self) -> str:
         used = {n for fit in self.fits for n in (*fit.inputs, *fit.outputs, *fit.conditioning)}
@@ -493,39 +490,44 @@ def side_acceleration(record: FlightRecord, place: Sequence[float]) -> Real:
     return felt - place[0] * r + place[2] * p
 
 
-def _diagnostics(log: InferredLog, rate: float) -> Iterator[str]:
-    """Yield notes on a log read at a rate, Hz."""
-    if log.dropped > _DROPPED:
-        yield (
+def _diagnostics(log: InferredLog, rate: float) -> list[str]:
+    """Return notes on a log read at a rate, Hz."""
+    shown, have = PASSBAND * math.pi * rate, {one.name for one in log.channels}
+    corner = 2.0 * math.pi * log.parameters.get("INS_GYRO_FILTER", 0.0)
+    late = 1e3 * math.sqrt(2.0) / corner if corner > 0.0 else 0.0
+    behind = ",".join(one.name for one in log.channels if one.why == _FILTERED)
+    x, y, z = imu_place(log.parameters)
+    yawed = any(one.sid_axis.control == "ped" for one in log.used)
+    notes = (
+        (
+            log.dropped > _DROPPED,
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "
             "sweeps were flown; they count as missing, and errors hold what that costs: log fewer "
-            "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)"
-        )
-    shown = PASSBAND * math.pi * rate
-    if any(one.high > shown for one in log.used):
-        yield (
+            "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)",
+        ),
+        (
+            any(one.high > shown for one in log.used),
             f"{log.path}: its messages, {rate:.4g} Hz, show {shown:.3g} rad/s, and sweeps go on: "
-            "set LOG_BITMASK's bits 0 and 1 to log every loop"
-        )
-    corner = 2.0 * math.pi * log.parameters.get("INS_GYRO_FILTER", 0.0)
-    behind = ",".join(one.name for one in log.channels if one.why == _FILTERED)
-    if behind and corner > 0.0:
-        yield (
+            "set LOG_BITMASK's bits 0 and 1 to log every loop",
+        ),
+        (
+            behind and late,
             f"{behind} are behind the gyro's filter, INS_GYRO_FILTER, which delays by "
-            f"{1e3 * math.sqrt(2.0) / corner:.2g} ms; take it out, as known: "
-            f"{behind}=low_pass:corner={corner:.4g},order=2"
-        )
-    arm, have = imu_place(log.parameters), {one.name for one in log.channels}
-    if any(arm) and not have.isdisjoint(ACCELERATIONS):
-        yield (
-            f"the accelerometer sits at {arm[0]:g}, {arm[1]:g}, {arm[2]:g} m (INS_POS1): its "
-            f"acceleration isn't moved to the centre of gravity, but for {_SIDE}"
-        )
-    elif have.issuperset(_SIDE_OF) and any(one.sid_axis.control == "ped" for one in log.used):
-        yield (
+            f"{late:.2g} ms; take it out, as known: "
+            f"{behind}=low_pass:corner={corner:.4g},order=2",
+        ),
+        (
+            (x or y or z) and not have.isdisjoint(ACCELERATIONS),
+            f"the accelerometer sits at {x:g}, {y:g}, {z:g} m (INS_POS1): its "
+            f"acceleration isn't moved to the centre of gravity, but for {_SIDE}",
+        ),
+        (
+            not (x or y or z) and have.issuperset(_SIDE_OF) and yawed,
             f"{log.path}: INS_POS1 is 0, so the accelerometer is taken to sit at the centre of "
-            "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm"
-        )
+            "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm",
+        ),
+    )
+    return [text for holds, text in notes if holds]
 
 
 def estimate_fits(
