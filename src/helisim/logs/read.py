@@ -13,7 +13,7 @@ from helisim.base.errors import HelisimError, InputError, RecordError
 from helisim.base.files import first_bytes, read_bytes
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.units import is_unit, unit
+from helisim.base.units import unit
 from helisim.logs.dataflash import is_dataflash, open_dataflash
 from helisim.logs.mapping import (
     LOOK,
@@ -22,6 +22,7 @@ from helisim.logs.mapping import (
     Column,
     Map,
     find_column,
+    own_column,
     split_heading,
 )
 from helisim.logs.report import OURS, Findings, Log, LogReport
@@ -225,12 +226,7 @@ def _from_record(
 ) -> Log:
     findings, first = Findings(), float(record.time[0])
     taken = [
-        Taken(
-            one,
-            one.name,
-            Column(one.name, one.unit if is_unit(one.unit) else None),
-            f"as recorded, in {one.unit}",
-        )
+        Taken(one, one.name, own_column(one), f"as recorded, in {one.unit}")
         for one in record.channels
     ]
     rows = np.arange(len(record))

@@ -24,11 +24,12 @@ _SCALE = 0.25  # of a rate over its angle's slope, in the logarithm: less is not
 _LEAST_ANGLE = 0.01  # rad, rms, of any excited flight's attitude in radians
 _FASTEST = 40.0  # rad/s: more than gyros measure (2000 deg/s are 35)
 # Most of angles, with some rounding, and rates, rad and rad/s.
-_MOST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
+LARGEST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
 _SLOWEST, _WIDE = 1.0, 2.0  # rad/s and rad rms: faster swings that are wider are in deg/s
 _LONG = 256  # least samples of a swing
-_PULSES = (700.0, 2300.0)  # us, of a radio
-_UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
+PULSES = (700.0, 2300.0)  # us, of a radio
+PULSE_RANGE = 800.0  # us, from one end of a stick to the other: 1100 to 1900
+UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
 # Error of a rate's slope, of the slope, and the share of the rate that it makes, where it is sure.
 _UNSURE, _MAINLY = 0.15, 0.7
 _LOWEST = 25.0  # periods in a log, at least
@@ -137,28 +138,28 @@ def implausible(channels: Channels) -> list[LogFinding]:
 def _sizes(channels: Channels) -> Iterator[LogFinding]:
     for name, column in channels.declared.items():
         values = channels.columns[name]
-        if name not in (*IN1, *IN2, *_MOST) or channels.factor(name) != 1.0:
+        if name not in (*IN1, *IN2, *LARGEST) or channels.factor(name) != 1.0:
             continue
         low, high = np.quantile(np.abs(values), (0.05, 0.95))
         largest = float(np.quantile(np.abs(values), 0.999))
-        says = f"{name} reaches {largest:.4g} {'rad' if name in _MOST else 'without dimension'}"
-        if name not in _MOST and _PULSES[0] <= low and high <= _PULSES[1]:
+        says = f"{name} reaches {largest:.4g} {'rad' if name in LARGEST else 'without dimension'}"
+        if name not in LARGEST and PULSES[0] <= low and high <= PULSES[1]:
             trim = float(f"{np.median(np.abs(values)):.0f}")
-            pulse = replace(column, unit=PULSE, trim=trim, range=800.0)
+            pulse = replace(column, unit=PULSE, trim=trim, range=PULSE_RANGE)
             text = f"{says}: a radio's pulses, us, whose trim and range are yours"
             yield LogFinding("unit", text, (pulse.option(name),))
-        elif name not in _MOST and high > _UNITISED:
+        elif name not in LARGEST and high > UNITISED:
             text = f"{says}: a percentage, or its range is another one"
             yield LogFinding("unit", text, (channels.to_try(name, unit="percent"),))
-        elif name in _MOST and _in_degrees(name, values, channels.step, largest):
+        elif name in LARGEST and _in_degrees(name, values, channels.step, largest):
             unit = "deg/s" if name in RATES else "deg"
             text = f"{says}, more than it can: column {column.column!r} is in {unit}"
             yield LogFinding("unit", text, (channels.to_try(name, unit=unit),))
 
 
 def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
-    if _MOST[name] < largest:
-        return RAD_PER_DEG * largest <= _MOST[name]
+    if LARGEST[name] < largest:
+        return RAD_PER_DEG * largest <= LARGEST[name]
     omega = 2.0 * math.pi * np.fft.rfftfreq(values.size, step)
     angle = np.fft.rfft(values - np.mean(values))[omega > _SLOWEST] / omega[omega > _SLOWEST]
     swing = float(np.sqrt(2.0 * np.sum(np.abs(angle) ** 2)) / values.size)

@@ -10,8 +10,7 @@ import numpy as np
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import setting, to_plain
-from helisim.base.units import is_unit
-from helisim.logs.mapping import REPAIRS, Clock, Column, Map
+from helisim.logs.mapping import REPAIRS, Clock, Map, own_column
 from helisim.logs.read import is_ours, open_source, read_as
 from helisim.logs.report import OURS, Findings, LogFinding
 from helisim.logs.source import Source
@@ -147,14 +146,7 @@ def _ours(path: Path, options: Options) -> LogLook:
     clock = SeenClock.of("time", record.time)
     of_flight = [one for one in record.channels if one.kind in ("IN1", "IN2", "OUT")]
     seen = tuple(
-        SeenChannel(
-            one.name,
-            Column(one.name, one.unit if is_unit(one.unit) else None),
-            AS_RECORDED,
-            clock,
-            float(record[one.name].min()),
-            float(record[one.name].max()),
-        )
+        SeenChannel.of(one.name, own_column(one), AS_RECORDED, clock, record[one.name])
         for one in of_flight
     )
     unused = tuple(one.name for one in record.channels if one not in of_flight)
