@@ -19,6 +19,7 @@ from helisim.base.note import Note
 from helisim.ident.feedback import answered
 from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
+from helisim.records.quality import stretches
 from helisim.records.record import IN1, IN2, RATES, Channel, FlightRecord
 from helisim.records.turning import ANGLES, slope_matrix
 
@@ -351,8 +352,7 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
         bend = np.abs(np.diff(values, 2, axis=0)) <= 1e-9 * size
         moves = np.any(np.abs(np.diff(values, axis=0)[1:]) > 1e-9 * size, axis=1)
         straight = np.all(bend, axis=1) & moves
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
-        lengths = edges[1::2] - edges[::2]
+        lengths = np.diff(stretches(straight))
         lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
         total += len(one)
     if lost > _FILLED * total:
