@@ -50,8 +50,6 @@ def read_logs(
     options: Options,
     wanted: Sequence[str] | None,
     advance: Callable[[str], None],
-    *,
-    moving: bool = False,
 ) -> "tuple[Log, ...]":
     """Read all logs: uniform, with all wanted channels, by default those that options name."""
     from helisim.logs import Column, read_logs
@@ -69,7 +67,6 @@ def read_logs(
         options.logs,
         channels=channels,
         wanted=wanted or (),
-        moving=moving,
         time=given.time,
         min_duration=options.min_duration,
         use_ended=options.use_ended,
@@ -133,7 +130,7 @@ def read_roles(
     """Return the logs with inputs, outputs, and what else options say of an estimate."""
     told = [name for name in options.reference if name != "none"]
     wanted = (*inputs, *options.conditioning, *told, *outputs)
-    return read_logs(options, tuple(dict.fromkeys(wanted)), advance, moving=True)
+    return read_logs(options, tuple(dict.fromkeys(wanted)), advance)
 
 
 def estimate(

@@ -49,7 +49,6 @@ from helisim.records.storage import read_record, read_table
 _OURS_CSV = b"# helisim flight record"
 _PARQUET_MAGIC = b"PAR1"
 _MANY_CLOCKS = 4  # Clocks above which a log isn't read as a whole
-_NO_MOVE = 1e-12  # Share of a channel's largest value below which its variation is rounding
 _WRAP = 1.5 * np.pi  # rad between two samples, from which an angle went around
 
 
@@ -101,7 +100,6 @@ def read_logs(
     *,
     channels: Map | Mapping[str, Column | str] | Sequence[str] | None = None,
     wanted: Sequence[str] = (),
-    moving: bool = False,
     time: Clock | str | None = None,
     resample_hz: float | None = None,
     repair: Iterable[str] = (),
@@ -114,8 +112,8 @@ def read_logs(
 ) -> tuple[Log, ...]:
     """Read logs that are to be used together: uniform, each with the channels `wanted`.
 
-    With `moving`, each channel must move in one of the logs. `use_ended` takes flights that were
-    terminated early, too; `on_progress` is told the files' names. Raises LogError, InputError.
+    `use_ended` takes flights that were terminated early, too; `on_progress` is told the files'
+    names. Raises LogError, InputError.
     """
     findings, logs = Findings(), []
     options = Options(resample_hz, repair, max_gap, min_duration, start, stop)
@@ -130,15 +128,6 @@ def read_logs(
         logs.append(log)
         if on_progress is not None:
             on_progress(path.name)
-    for name in wanted if moving else ():
-        have = [log for log in logs if name in log.records[0]]
-        columns = [record[name] for log in have for record in log.records]
-        if columns and all(np.ptp(one) <= _NO_MOVE * np.max(np.abs(one)) for one in columns):
-            text = (
-                f"{'; '.join(log.where(name) for log in have)}: channel {name!r} is constant, so "
-                "nothing can be identified from it; map it to another column, or leave it out"
-            )
-            findings.refuse("constant", text)
     findings.check()
     return tuple(logs)
 

@@ -174,27 +174,17 @@ def _read(path: Path, map_: Map | None, options: Options, rate: float | None = N
     """Read a log; if refused, again with the options that the error proposes; `rate` in Hz."""
     said: dict[str, LogFinding] = {}
     for _ in range(_ATTEMPTS):
+        asked = replace(options, resample_hz=options.resample_hz or rate)
         try:
-            log = read_as(
-                path, map_, None, replace(options, resample_hz=options.resample_hz or rate)
-            )
+            log = read_as(path, map_, None, asked)
             log.check_uniform()
-        except LogError as error:
-            said |= {one.text: one for one in error.findings}
-            before = options
-            for one in (one for finding in error.findings for one in finding.remedy):
-                match one:
-                    case Option("repair", value) if value in REPAIRS:
-                        options = replace(options, repair=(*options.repair, value))
-                    case Option("resample", value) if options.resample_hz is None:
-                        options = replace(options, resample_hz=float(value))
-                    case Option("max_gap", value) if options.max_gap is None:
-                        options = replace(options, max_gap=float(value))
+        except HelisimError as error:
+            own = LogFinding("refused", str(error), error.remedy)
+            found = error.findings if isinstance(error, LogError) else (own,)
+            said |= {one.text: one for one in found}
+            before, options = options, _mended(options, found)
             if options == before:
                 break
-        except HelisimError as error:
-            said[str(error)] = LogFinding("refused", str(error), error.remedy)
-            break
         else:
             mended = () if map_ is None else ("repair", "resample")
             noted = [
@@ -208,3 +198,17 @@ def _read(path: Path, map_: Map | None, options: Options, rate: float | None = N
             taken += [Option(name, f"{one:g}") for name, one in given.items() if one is not None]
             return log.records, (*said.values(), *noted), tuple(taken)
     return (), tuple(said.values()), ()
+
+
+def _mended(options: Options, found: Sequence[LogFinding]) -> Options:
+    """Return options with what findings propose, where nothing was said of it."""
+    asked = [one for finding in found for one in finding.remedy if isinstance(one, Option)]
+    repairs = [one.value for one in asked if one.name == "repair" and one.value in REPAIRS]
+    numbers = [one for one in asked if one.name in ("resample", "max_gap") and one.value]
+    first = {one.name: float(one.value) for one in reversed(numbers)}
+    return replace(
+        options,
+        repair=(*options.repair, *repairs),
+        resample_hz=options.resample_hz or first.get("resample"),
+        max_gap=options.max_gap or first.get("max_gap"),
+    )

@@ -31,7 +31,7 @@ from helisim.logs.report import Log
 from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
 from helisim.logs.timing import Options
-from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step
+from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step, within
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
@@ -325,16 +325,23 @@ class Inferred:
     def __str__(self) -> str:
         used = {n for fit in self.fits for n in (*fit.inputs, *fit.outputs, *fit.conditioning)}
         used |= set(_SIDE_OF) if _SIDE in used else set()
-        lines = [str(log) for log in self.logs]
         taken = [one for log in self.logs for one in log.channels]
-        lines += ["channels:", *dict.fromkeys(f"  {one}" for one in taken if one.name in used)]
-        lines += [f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] if _SIDE in used else []
         rest = dict.fromkeys(one.name for one in taken if one.name not in used)
-        lines += [f"  there are also {', '.join(rest)}"] if rest else []
-        for axis in self.injected:
-            lines.append(f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}")
-        lines += ["fits:", *(f"  {one}" for one in self.fits)]
-        return "\n".join([*lines, *(f"note: {one}" for one in self.diagnostics)])
+        lines = [
+            *map(str, self.logs),
+            "channels:",
+            *dict.fromkeys(f"  {one}" for one in taken if one.name in used),
+            *[f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] * (_SIDE in used),
+            *[f"  there are also {', '.join(rest)}"] * bool(rest),
+            *(
+                f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}"
+                for axis in self.injected
+            ),
+            "fits:",
+            *(f"  {one}" for one in self.fits),
+            *(f"note: {one}" for one in self.diagnostics),
+        ]
+        return "\n".join(lines)
 
 
 def infer(
@@ -368,8 +375,7 @@ def infer(
     paths = [logs] if isinstance(logs, str | Path) else list(logs)
     if not paths:
         raise InputError("no logs were given; expected at least one file")
-    limits = (-math.inf if start is None else start, math.inf if stop is None else stop)
-    found = tuple(_inferred(Path(path), Map.of(channels).channels, limits) for path in paths)
+    found = tuple(_inferred(Path(one), Map.of(channels).channels, start, stop) for one in paths)
     used = [one for log in found for one in log.used]
     if not used:
         every = [one for log in found for one in log.sweeps]
@@ -387,14 +393,14 @@ def infer(
     )
     helicopters = all(log.helicopter for log in found)
     fits: list[InferredFit] = []
+    free = set(made.bands)  # controls that no fit has yet
     for structure, inputs, outputs, reason in _HELI if helicopters else _OTHERS:
-        taken = {name for fit in fits for name in fit.inputs}
-        there = made.channels.issuperset(outputs) and set(inputs) <= set(made.bands)
-        if there and not taken & set(inputs):
+        if made.channels.issuperset(outputs) and free.issuperset(inputs):
             fit = made.fit(structure, inputs, outputs, reason)
             # without side velocity the next structure is honest
-            if not helicopters or structure != "yaw_base" or _SIDE in fit.conditioning:
+            if structure != "yaw_base" or _SIDE in fit.conditioning:
                 fits.append(fit)
+                free.difference_update(inputs)
     said = [one for log in found for one in _diagnostics(log, rate)]
     if not helicopters:
         said.append(
@@ -404,10 +410,12 @@ def infer(
     return replace(made, fits=tuple(fits), diagnostics=tuple(dict.fromkeys(said)))
 
 
-def _inferred(path: Path, given: Mapping[str, Column], limits: Band) -> InferredLog:
+def _inferred(
+    path: Path, given: Mapping[str, Column], start: float | None, stop: float | None
+) -> InferredLog:
     log = open_dataflash(path, file_digest(path))
     every, parameters = sweeps(log), log.parameters()
-    mine = tuple(one for one in every if limits[0] <= one.start and one.stop <= limits[1])
+    mine = within(every, start, stop)
     if not mine:
         spans = ", ".join(f"{one.start:.1f} to {one.stop:.1f}" for one in every)
         text = f"{path}: no sweep lies within the limits; they are from {spans} s after the log's"
@@ -434,19 +442,19 @@ def _chosen_channels(
         return float(f"{1.0 / step:.3g}") if step > 0.0 else 0.0
 
     sent = tail_servo(log.parameters())
-    taken = {
-        name: TakenChannel(name, column, rate(column.column.partition(".")[0]), "given")
-        for name, column in given.items()
-    }
+    known = [(name, column, "given") for name, column in given.items()]
     for name, column, given_in, why in _CANDIDATES:
         message, _, field = column.partition(".")
         fast = message in log and rate(message) >= _FAST * rate("SIDD")
-        if name in taken or not fast or field not in log.table(message).columns:
-            continue
-        if column == _YAW and sent is not None:
-            column, why = _SENT, _SENT_WHY.format(*sent)
-        mapped = Column(column, given_in, trim=_MIDDLE.get(name))
-        taken[name] = TakenChannel(name, mapped, rate(message), why)
+        if fast and field in log.table(message).columns:
+            if sent and column == _YAW:
+                column, why = _SENT, _SENT_WHY.format(*sent)
+            known.append((name, Column(column, given_in, trim=_MIDDLE.get(name)), why))
+    taken: dict[str, TakenChannel] = {}
+    for name, column, why in known:  # the first of a channel is the best
+        taken.setdefault(
+            name, TakenChannel(name, column, rate(column.column.partition(".")[0]), why)
+        )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
             f"{log.path}: no RATE messages beside the sweeps, which say what the mixer was "
