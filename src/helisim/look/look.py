@@ -211,10 +211,9 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         return None
     structure, inputs, outputs = _choice(usable)
     used = [one for one in usable if any(a.input in inputs for a in one.answers)]
-    options: list[tuple[str, tuple[str, ...]]] = [("structure", (structure,))]
-    if structure.startswith("tf:"):
-        used = used[:1] if len({one.format for one in used}) > 1 else used
-        options += [("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))]
+    transfer = structure.startswith("tf:")
+    if transfer and len({one.format for one in used}) > 1:
+        used = used[:1]
     # the sticks, where a loop is closed and all were excited
     sticks = tuple(STICKS.get(name, "") for name in inputs)
     said = (one for looked_at in used for one in looked_at.findings if one.kind == "loop")
@@ -228,20 +227,20 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
     if not used:
         return None
-    if any(one.format != OURS for one in used):
-        options += [("channel", (seen[name].column.option(name).value,)) for name in names]
-    options += [("reference", (",".join(sticks),))] if sticks else []
-    taken = dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options)
-    for one in used:
-        if len(one.durations) < len(one.records):
-            taken["min_duration", (f"{SHORT * max(one.durations):.2g}",)] = None
-    options += taken
+    columns = names if any(one.format != OURS for one in used) else ()
     cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
-    if len(used) == 1 and cut:
-        options += [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
-    else:
-        low, high = _band(used, inputs, outputs)
-        options.append(("band", (f"{low:.2g}", f"{high:.2g}")))
+    event = [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
+    low, high = _band(used, inputs, outputs)
+    short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
+    options: list[tuple[str, tuple[str, ...]]] = [
+        ("structure", (structure,)),
+        *[("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] * transfer,
+        *(("channel", (seen[name].column.option(name).value,)) for name in columns),
+        *[("reference", (",".join(sticks),))] * bool(sticks),
+        *dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options),
+        *dict.fromkeys(("min_duration", (f"{SHORT * longest:.2g}",)) for longest in short),
+        *(event if len(used) == 1 and event else [("band", (f"{low:.2g}", f"{high:.2g}"))]),
+    ]
     return Proposal("identify", tuple(one.path for one in used), tuple(options))
 
 

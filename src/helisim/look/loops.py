@@ -43,14 +43,16 @@ class FlownLoops:
     remarks: tuple[str, ...]
 
     def __str__(self) -> str:
+        fields = {cut.axis: _FIELDS[cut.axis] for cut in self.cuts}
         lines = [
-            line for path, found in self.logs.items() for line in (f"{path}:", *map(str, found))
+            *(one for path, found in self.logs.items() for one in (f"{path}:", *map(str, found))),
+            "cut at the actuators, where 1 is full command of the mixer:",
+            *(
+                f"  {axis}: goes on = RATE.{output}, injected = SIDD.Targ, a tick later, comes "
+                f"back = {pid}'s {', '.join(_TERMS)}"
+                for axis, (output, pid, _) in fields.items()
+            ),
         ]
-        lines.append("cut at the actuators, where 1 is full command of the mixer:")
-        for axis in (cut.axis for cut in self.cuts):
-            output, pid, _ = _FIELDS[axis]
-            said = f"injected = SIDD.Targ, a tick later, comes back = {pid}'s {', '.join(_TERMS)}"
-            lines.append(f"  {axis}: goes on = RATE.{output}, {said}")
         return "\n".join(lines)
 
     def margins(self, **options: Any) -> MeasuredMargins:

@@ -70,32 +70,38 @@ class LogLook:
     def worded(self, word: Callable[[LogFinding], str]) -> str:
         """Return the findings as text, each worded by `word`."""
         parts = f" in {len(self.records)} parts" if len(self.records) > 1 else ""
-        lines = [f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used"]
         ours = [one.name for one in self.channels if one.why == AS_RECORDED]
-        lines += map(str, self.clocks)
-        lines += [f"channels, as recorded: {', '.join(ours)}"] if ours else []
-        lines += [str(one) for one in self.channels if one.why != AS_RECORDED]
-        if self.unused:
-            more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
-            lines.append(f"not used: {', '.join(self.unused[:_SHOWN])}{more}")
-        lines += map(str, (*self.sweeps, *self.excitations))
-        for control in dict.fromkeys(one.input for one in self.answers):
-            mine = [str(one) for one in self.answers if one.input == control]
-            shown = ", ".join(mine[:_BEST])
-            lines.append(f"coherent with {control}, rad/s (mean coherence): {shown}")
-        for one in self.findings:
-            urgent = one.remedy and not one.repaired and one.kind not in _QUIET
-            lines.append(f"{'!: ' if urgent else 'note: '}{word(one)}")
+        more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
+        found: dict[str, list[str]] = {}
+        for one in self.answers:
+            found.setdefault(one.input, []).append(str(one))
+        lines = [
+            f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used",
+            *map(str, self.clocks),
+            *[f"channels, as recorded: {', '.join(ours)}"] * bool(ours),
+            *(str(one) for one in self.channels if one.why != AS_RECORDED),
+            *[f"not used: {', '.join(self.unused[:_SHOWN])}{more}"] * bool(self.unused),
+            *map(str, (*self.sweeps, *self.excitations)),
+            *(
+                f"coherent with {control}, rad/s (mean coherence): {', '.join(mine[:_BEST])}"
+                for control, mine in found.items()
+            ),
+            *(f"{'!' if _urgent(one) else 'note'}: {word(one)}" for one in self.findings),
+        ]
         return "\n  ".join(lines)
+
+
+def _urgent(one: LogFinding) -> bool:
+    return bool(one.remedy) and not one.repaired and one.kind not in _QUIET
 
 
 def opened(path: Path, map_: Map, options: Options) -> LogLook:
     """Open a log and read what can be read. Raises StorageError, InputError."""
     if not map_.channels and is_ours(path):
         return _ours(path, options)
-    source, time = open_source(path, map_), map_.time
+    source = open_source(path, map_)
     findings = Findings(source.findings)
-    clocks = _clocks(source, time, findings)
+    clocks = _clocks(source, map_.time, findings)
     seen = guess(source, map_.channels, clocks)
     moving = {one.name: one for one in seen if one.moves}
     used = {one.clock.name: one.clock for one in moving.values() if one.clock}
@@ -130,11 +136,9 @@ def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> Lo
 
 def _written(map_: Map) -> tuple[Option, ...]:
     """Return the options which say how a file is written."""
-    time, names = map_.time, ",".join(map_.file.names)
-    said = [Option("names", names)] if names else []
-    if time is not None and time.column:
-        said.append(Option("time", f"{time.column}:{time.unit or ''}".removesuffix(":")))
-    return tuple(said)
+    time, names = map_.time or Clock(rate=1.0), ",".join(map_.file.names)
+    said = {"names": names, "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":")}
+    return tuple(Option(name, value) for name, value in said.items() if value)
 
 
 def _ours(path: Path, options: Options) -> LogLook:
