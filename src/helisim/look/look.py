@@ -10,6 +10,7 @@ from typing import Any
 from helisim.base.errors import InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
+from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
@@ -266,7 +267,6 @@ def _band(
     """Return the band in which any response is coherent and the records resolve it, rad/s."""
     mine = [a for one in used for a in one.answers if a.input in inputs and a.output in outputs]
     durations = [duration for one in used for duration in one.durations]
-    window = min(min(durations) / 2.0, sum(durations) / 5.0)
-    low = max(min(a.low for a in mine), 1.02 * 2.0 * math.pi / window)
+    low = max(min(a.low for a in mine), 1.02 * lowest_line(durations))
     digits = 1 - math.floor(math.log10(low))
     return math.ceil(low * 10.0**digits) / 10.0**digits, max(a.high for a in mine)

@@ -16,14 +16,9 @@ from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
 from helisim.base.units import STANDARD_GRAVITY
-from helisim.ident import (
-    CrossControlWarning,
-    FrequencyResponse,
-    RecordQualityWarning,
-    Structure,
-    identify,
-)
-from helisim.ident.frf import ClosedLoopWarning, frequency_response
+from helisim.ident import FrequencyResponse, Structure, identify
+from helisim.ident.frf import FlagWarning, frequency_response
+from helisim.ident.windows import lowest_line
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.mapping import Column, Map
 from helisim.logs.read import from_source
@@ -121,7 +116,6 @@ _FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is 
 _OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
 _STEP = 1.3  # from one lower edge of a band to the next
 _OCTAVES = 3.0  # that a band must still span
-_OF_FLAGS = (CrossControlWarning, RecordQualityWarning, ClosedLoopWarning)
 
 
 @dataclass(frozen=True)
@@ -248,9 +242,11 @@ class Inferred:
                 f"{', '.join(bands) or 'none'}"
             )
         lasts = [one.stop - one.start for one in self.used]
-        lowest = 1.001 * 2.0 * math.pi / min(min(lasts) / 2.0, sum(lasts) / 5.0)
-        fastest = PASSBAND * math.pi * (self.sampling.resample_hz or 0.0)
-        lows, highs = zip((lowest, fastest), *(bands[name] for name in inputs))
+        resolved = (
+            1.001 * lowest_line(lasts),
+            PASSBAND * math.pi * (self.sampling.resample_hz or 0.0),
+        )
+        lows, highs = zip(resolved, *(bands[name] for name in inputs))
         low, high = max(lows), min(highs)
         if not low < high:
             raise InputError(
@@ -550,8 +546,7 @@ def estimate_fits(
     found = []
     for fit in fits:
         with warnings.catch_warnings():
-            for category in _OF_FLAGS:
-                warnings.simplefilter("ignore", category)
+            warnings.simplefilter("ignore", FlagWarning)
             response = frequency_response(
                 records,
                 inputs=fit.inputs,
