@@ -46,10 +46,8 @@ def screened(
         for kind in kinds if measured and (wanted is None or channel.name in wanted) else ():
             known = np.flatnonzero(np.isfinite(values[:, k]))
             one = values[known, k]
-            if kind == "frozen":
-                runs = [(run.first, run.last) for run in frozen_runs(one)]
-            else:
-                runs = [(n, n) for n in np.flatnonzero(spikes(one)).tolist()]
+            single = ((n, n) for n in np.flatnonzero(spikes(one)).tolist())
+            runs = [*frozen_runs(one)] if kind == "frozen" else [*single]
             if not runs:
                 continue
             bad = known[np.concatenate([np.arange(a, b + 1) for a, b in runs])]
