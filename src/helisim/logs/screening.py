@@ -168,7 +168,7 @@ def _rates(channels: Channels) -> list[LogFinding]:
     ratio, error, share = slope_matrix([(channels.columns, channels.step)], rates, (low, high))
     sure = (error < _UNSURE * np.abs(ratio)) & (share > _MAINLY)
     pairs = {
-        (one, other): Likeness(ratio[k, n], error[k, n], bool(sure[k, n]))
+        (one, other): Likeness(float(ratio[k, n]), float(error[k, n]), bool(sure[k, n]))
         for k, one in enumerate(rates)
         for n, other in enumerate(rates)
     }
@@ -213,12 +213,13 @@ def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
         wrong, factor = angle, channels.factor(angle) * size
     unit = channels.unit_of(wrong, factor) if like.off else None
     remedy = (channels.to_try(wrong, unit=unit, flip=flip),)
-    if unit is not None:
-        column = channels.declared[wrong].column
-        also = ", and the sign is wrong" if flip else ""
-        return LogFinding("unit", f"{said}: column {column!r} is in {unit}{also}", remedy)
-    if flip:
-        return LogFinding("sign", f"{said}: the sign of {name} or {angle} is wrong", remedy)
-    if abs(math.log(size)) > _SCALE:
-        return LogFinding("scale", f"{said}: the scale of either, or of time, is wrong")
-    return None
+    column, also = channels.declared[wrong].column, ", and the sign is wrong" * flip
+    rules = (
+        ("unit", unit is not None, f"column {column!r} is in {unit}{also}", remedy),
+        ("sign", flip, f"the sign of {name} or {angle} is wrong", remedy),
+        ("scale", abs(math.log(size)) > _SCALE, "the scale of either, or of time, is wrong", ()),
+    )
+    found = (
+        LogFinding(kind, f"{said}: {text}", helps) for kind, holds, text, helps in rules if holds
+    )
+    return next(found, None)
