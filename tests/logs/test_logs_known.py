@@ -18,7 +18,7 @@ from helisim.base.units import UNITS
 from helisim.logs import Clock, Column, read_log, resample
 from helisim.logs.mapping import named_column
 from helisim.logs.read import open_source
-from helisim.logs.screening import Channels, Likeness, likeness
+from helisim.logs.screening import Channels
 from helisim.logs.timing import steadiness
 
 P = {"p": Column("p", "rad/s")}
@@ -140,26 +140,6 @@ def test_a_unit_is_told_by_its_factor(name, si):
             assert [channels.unit_of(name, f * factor) for f in (0.91, 1.0, 1.1)] == [unit] * 3
             assert [channels.unit_of(name, f * factor) for f in (0.9, 1.11)] == [None] * 2
     assert [channels.unit_of(name, one) for one in (0.0, math.inf)] == [None] * 2
-
-
-@pytest.mark.parametrize("ratio", [0.2, -1.0, 57.3])
-@pytest.mark.parametrize("phase", [0.0, 0.3, -0.4])
-def test_channels_that_go_together_are_told_by_ratio_and_phase(ratio, phase):
-    """Transforms of 16 windows at 20 frequencies; noise of another channel takes the coherence."""
-    random = np.random.default_rng(3)
-    theirs, other = (random.standard_normal((2, 16, 20, 2)) @ [1.0, 1.0j]).reshape(2, 16, 20)
-    mine = abs(ratio) * np.exp(1j * phase) * theirs * np.sign(ratio)
-    found = likeness(mine, theirs)
-    assert found[:2] == pytest.approx((1.0, ratio), abs=1e-12)
-    assert np.exp(1j * found.phase) == pytest.approx(np.sign(ratio) * np.exp(1j * phase))
-    assert found.sure
-    assert found.off == (abs(ratio) != 1.0)
-    noisy = likeness(mine + 0.2 * abs(ratio) * other, theirs)
-    # of 16 windows 1 / 1.04; the deviation of a mean of 20 such is below 0.01
-    assert noisy.coherence == pytest.approx(1.0 / 1.04, abs=0.02)
-    assert likeness(other, theirs) == Likeness(0.0, 0.0, 0.0)
-    few = np.arange(20) < 4
-    assert likeness(np.where(few, mine, other), theirs) == Likeness(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

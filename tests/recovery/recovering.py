@@ -9,8 +9,8 @@ from closed_loop import Aircraft
 from numpy.typing import NDArray
 
 from helisim import ident
-from helisim.cli.logs import resolved_band
 from helisim.ident import Fit, FrequencyResponse, frequency_response, identify
+from helisim.ident.frf import resolved_band
 from helisim.records.record import FlightRecord
 
 

@@ -21,7 +21,6 @@ from helisim.cli.logs import (
     read_roles,
     records_of,
     reports,
-    resolved_band,
 )
 from helisim.cli.options import (
     Options,
@@ -272,6 +271,7 @@ def _inferred(o: Options) -> "Inferred":
 
 def _inferred_work(o: Options) -> list[Work]:
     """Print what logs of SystemID say; return the fits, their responses estimated."""
+    from helisim.ident.frf import resolved_band
     from helisim.look.systemid import estimate_fits, followed_band
 
     with progress(2 * len(o.logs) + 1, o.quiet) as advance:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
     from helisim.records.record import FlightRecord
 
 Band = tuple[float, float]
-_AS_COHERENT = 0.9  # of the direct estimate's coherent points, that the joint one by sticks needs
-_IN_A_LOOP = 0.25  # likewise, where gusts go round a loop: sticks that excite had 0.35 to 0.57
-_SAMPLES_A_PERIOD = 10.0  # The default band ends where a period still has so many samples
 
 
 def read_options(options: Options) -> dict[str, Any]:
@@ -50,8 +46,6 @@ def read_logs(
     options: Options,
     wanted: Sequence[str] | None,
     advance: Callable[[str], None],
-    *,
-    moving: bool = False,
 ) -> "tuple[Log, ...]":
     """Read all logs: uniform, with all wanted channels, by default those that options name."""
     from helisim.logs import Column, read_logs
@@ -69,7 +63,6 @@ def read_logs(
         options.logs,
         channels=channels,
         wanted=wanted or (),
-        moving=moving,
         time=given.time,
         min_duration=options.min_duration,
         use_ended=options.use_ended,
@@ -133,7 +126,7 @@ def read_roles(
     """Return the logs with inputs, outputs, and what else options say of an estimate."""
     told = [name for name in options.reference if name != "none"]
     wanted = (*inputs, *options.conditioning, *told, *outputs)
-    return read_logs(options, tuple(dict.fromkeys(wanted)), advance, moving=True)
+    return read_logs(options, tuple(dict.fromkeys(wanted)), advance)
 
 
 def estimate(
@@ -147,14 +140,14 @@ def estimate(
 
     Where the inputs' sticks are recorded and excite them, they are the reference.
     """
-    from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
+    from helisim.ident import frequency_response
+    from helisim.ident.frf import FlagWarning, excited_sticks, resolved_band, worth_more
 
     records = records_of(logs)
     low, high = options.band or resolved_band(records)
-    reference = options.reference or _sticks(records, (*inputs, *options.conditioning))
+    reference = options.reference or excited_sticks(records, (*inputs, *options.conditioning))
     with warnings.catch_warnings(), located(logs):
-        for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
-            warnings.simplefilter("ignore", category)
+        warnings.simplefilter("ignore", FlagWarning)  # they are among the flags
         response = frequency_response(
             records,
             inputs=inputs,
@@ -166,41 +159,7 @@ def estimate(
             estimator=options.estimator or "local",
         )
     advance("frequency responses")
-    if response.direct and not options.reference:
-        joint, direct = (float(one.usable().mean()) for one in (response, response.direct))
-        # a gust that comes back in an input is coherent with it, and not with the sticks
-        loop = any(one.kind == "feedback" for one in response.direct.evidence)
-        if joint < (_IN_A_LOOP if loop else _AS_COHERENT) * direct:  # the sticks don't excite
-            response = response.direct
-    return response
-
-
-def _sticks(records: "Sequence[FlightRecord]", inputs: Sequence[str]) -> tuple[str, ...]:
-    """Return the sticks of the inputs, where all are recorded and move; else none."""
-    from helisim.records.record import IN1, IN2
-
-    of: dict[str, str] = dict(zip(IN1, IN2))
-    sticks = tuple(of.get(name, "") for name in inputs)
-    move = (
-        all(name in one for one in records)
-        and any(one[name].min() < one[name].max() for one in records)
-        for name in sticks
-    )
-    return sticks if all(move) else ()
-
-
-def resolved_band(records: "Sequence[FlightRecord]") -> Band:
-    """Return the band that records resolve, rad/s: up to ten samples a period."""
-    durations = [record.duration for record in records]
-    window = min(min(durations) / 2.0, sum(durations) / 5.0)
-    low = 1.0001 * 2.0 * pi / window
-    high = 2.0 * pi / (_SAMPLES_A_PERIOD * max(record.sample_time for record in records))
-    if not low < high:
-        raise IdentificationError(
-            f"the records are too short: the shortest lasts {min(durations):.4g} s, which "
-            f"resolves frequencies from {low:.4g} rad/s, and its samples up to {high:.4g} rad/s"
-        )
-    return low, high
+    return response if options.reference else worth_more(response)
 
 
 def frf(o: Options) -> int:

@@ -6,7 +6,7 @@ other, on-axis with off-axis responses, swept with quiet stretches, samples with
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -19,7 +19,9 @@ from helisim.base.note import Note
 from helisim.ident.feedback import answered
 from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
-from helisim.records.record import ATTITUDES, IN1, IN2, RATES, Channel, FlightRecord
+from helisim.records.quality import stretches
+from helisim.records.record import IN1, IN2, RATES, Channel, FlightRecord
+from helisim.records.turning import ANGLES, slope_matrix
 
 _HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
 _APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next
@@ -36,7 +38,6 @@ _DIFFERENT = 0.05  # rms of a response's relative difference between records
 _LOUD = 9.0  # times its variance that a squared response needs to be compared
 _FILLED = 0.005  # share of samples that may lie on straight lines
 _STRAIGHT = 3  # samples in a row on a straight line in all channels that were filled
-_ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _PAIRS = tuple(
     (pair, axes) for pair, axes in ((("p", "q"), (cyclic[2], cyclic[1])) for cyclic in (IN1, IN2))
 )
@@ -119,16 +120,17 @@ def _feedback(
 
 def _slopes(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator[Note]:
     """Yield what rates and the slopes of attitudes, integrated alike, say of each other."""
-    have = [name for name in RATES if all({name, _ANGLES[name]} <= {*one.names} for one in flights)]
+    have = [name for name in RATES if all({name, ANGLES[name]} <= {*one.names} for one in flights)]
     if not {*have} & {*frf.outputs}:
         return
-    slopes, error = _slope_matrix(flights, have, (frf.frequency[0], frf.frequency[-1]))
+    parts = [(one, one.sample_time) for one in flights]
+    slopes, error, _ = slope_matrix(parts, have, (frf.frequency[0], frf.frequency[-1]))
     for order in permutations(range(len(have))):
         moved = [(k, n) for k, n in enumerate(order) if k != n]
         if moved and all(
             abs(slopes[k, n]) > _HALVES > abs(slopes[k, k]) and error[k, n] < 0.1 for k, n in moved
         ):
-            said = ", ".join(f"{have[k]} is d({_ANGLES[have[n]]})/dt" for k, n in moved)
+            said = ", ".join(f"{have[k]} is d({ANGLES[have[n]]})/dt" for k, n in moved)
             yield Note("columns", f"columns of rates or angles are swapped: {said}")
             return
     for k, name in enumerate(have):
@@ -140,55 +142,8 @@ def _slopes(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator
                 "unit": "the unit of one of them is wrong",
                 "clock": "the clock runs wrong, samples are missing, or a scale is wrong",
             }[kind]
-            text = f"{name} is {slope:.4g} +- {error[k, k]:.2g} times d({_ANGLES[name]})/dt: {why}"
+            text = f"{name} is {slope:.4g} +- {error[k, k]:.2g} times d({ANGLES[name]})/dt: {why}"
             yield Note(kind, text)
-
-
-def _slope_matrix(
-    flights: Sequence[FlightRecord], rates: Sequence[str], band: tuple[float, float]
-) -> tuple[Real, Real]:
-    """Return rates over the rates that the attitude's slopes make, (n, n), with errors."""
-    measured, predicted = [], []
-    for one in flights:
-        step, own = one.sample_time, one.select(rates)
-        # both through the same filter: central differences of what the trapezoidal rule integrates
-        smooth = own.copy()
-        smooth[1:-1] = 0.25 * (own[:-2] + 2.0 * own[1:-1] + own[2:])
-        made = _turning({name: one[name] for name in ATTITUDES if name in one.names}, step)
-        both = np.column_stack([smooth, *(made[name] for name in rates)])[1:-1]
-        omega = 2.0 * np.pi * fft.rfftfreq(len(both), step)
-        inside = (omega >= band[0]) & (omega <= band[1])
-        lines = fft.rfft(both - both.mean(axis=0), axis=0)[inside] / omega[inside, None]
-        measured.append(lines[:, : len(rates)])
-        predicted.append(lines[:, len(rates) :])
-    b, a = np.concatenate(measured), np.concatenate(predicted)
-    forward, error = _regressed(b, a)
-    back, _ = _regressed(a, b)
-    # noise in either makes its own regression too flat: the truth is between the two
-    inverse = np.linalg.pinv(back)
-    between = 0.5 * np.abs(forward - inverse)
-    return 0.5 * (forward + inverse), np.hypot(error, between)
-
-
-def _regressed(b: Complex, a: Complex) -> tuple[Real, Real]:
-    normal = np.linalg.pinv(np.real(a.conj().T @ a))
-    slope = (normal @ np.real(a.conj().T @ b)).T
-    left = np.abs(b - a @ slope.T) ** 2  # larger at some lines than at others, so no common level
-    weight = np.abs(a @ normal) ** 2
-    return slope, np.sqrt(0.5 * left.T @ weight * len(a) / max(len(a) - a.shape[1], 1))
-
-
-def _turning(angles: Mapping[str, Real], step: float) -> dict[str, Real]:
-    """Return body rates by the slopes of the attitude angles; of single angles their slopes."""
-    slope = {name: np.gradient(angle, step) for name, angle in angles.items()}
-    if len(angles) < len(ATTITUDES):
-        return {rate: slope[angle] for rate, angle in _ANGLES.items() if angle in slope}
-    phi, theta = angles["phi"], angles["theta"]
-    return {
-        "p": slope["phi"] - slope["psi"] * np.sin(theta),
-        "q": slope["theta"] * np.cos(phi) + slope["psi"] * np.sin(phi) * np.cos(theta),
-        "r": slope["psi"] * np.cos(phi) * np.cos(theta) - slope["theta"] * np.sin(phi),
-    }
 
 
 def _crossed(frf: FrequencyResponse) -> Iterator[Note]:
@@ -397,8 +352,7 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
         bend = np.abs(np.diff(values, 2, axis=0)) <= 1e-9 * size
         moves = np.any(np.abs(np.diff(values, axis=0)[1:]) > 1e-9 * size, axis=1)
         straight = np.all(bend, axis=1) & moves
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
-        lengths = edges[1::2] - edges[::2]
+        lengths = np.diff(stretches(straight))
         lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
         total += len(one)
     if lost > _FILLED * total:

@@ -18,10 +18,10 @@ from helisim.base.settings import Limits, convert
 from helisim.ident.evidence import evidence, joint_evidence
 from helisim.ident.local import Local, with_gap
 from helisim.ident.response import FrequencyResponse
-from helisim.ident.windows import Windows, window_lengths
+from helisim.ident.windows import Windows, lowest_line, window_lengths
 from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.quality import at_stop, frozen_runs, spikes
-from helisim.records.record import Channel, FlightRecord, one_blas_thread
+from helisim.records.record import STICKS, Channel, FlightRecord, one_blas_thread
 
 POINTS_PER_DECADE = 80  # of the frequency grid; fits use 20 points of a response
 ESTIMATORS = ("local", "windows")
@@ -35,18 +35,25 @@ _FEWEST_APART = 2  # feedback's bias is smooth: one frequency of those compared 
 _LEAST_GAP = 0.005  # of the response: no fit trusts a point more
 _CHANCE = 12.0  # a squared gap over its variance that chance exceeds once in 160 000 comparisons
 _LONGEST_STOP = 1.0  # s, for which an input may be at its stop in a record
+_AS_COHERENT = 0.9  # of the direct estimate's coherent points, that the joint one by sticks needs
+_IN_A_LOOP = 0.25  # likewise, where gusts go round a loop: sticks that excite had 0.35 to 0.57
+_SAMPLES_A_PERIOD = 10.0  # of the highest frequency that records resolve
 _NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part", "missing")
 
 
-class ClosedLoopWarning(UserWarning):
+class FlagWarning(UserWarning):
+    """What is also among a response's flags."""
+
+
+class ClosedLoopWarning(FlagWarning):
     """The direct and the joint estimate disagree: feedback biases the direct one."""
 
 
-class CrossControlWarning(UserWarning):
+class CrossControlWarning(FlagWarning):
     """Inputs moved together, so their responses are separated poorly."""
 
 
-class RecordQualityWarning(UserWarning):
+class RecordQualityWarning(FlagWarning):
     """A record has spikes, frozen runs, or inputs at their stops."""
 
 
@@ -195,6 +202,39 @@ def _coherent(
                 )
             if mean > CROSS_CONTROL_LIMIT:
                 yield f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}"
+
+
+def resolved_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
+    """Return the band that records resolve, rad/s: up to ten samples a period.
+
+    Raises IdentificationError for records that are too short.
+    """
+    durations = [record.duration for record in records]
+    low = 1.0001 * lowest_line(durations)
+    high = 2.0 * math.pi / (_SAMPLES_A_PERIOD * max(record.sample_time for record in records))
+    if not low < high:
+        raise IdentificationError(
+            f"the records are too short: the shortest lasts {min(durations):.4g} s, which "
+            f"resolves frequencies from {low:.4g} rad/s, and its samples up to {high:.4g} rad/s"
+        )
+    return low, high
+
+
+def excited_sticks(records: Sequence[FlightRecord], inputs: Sequence[str]) -> tuple[str, ...]:
+    """Return the sticks of the inputs, where all are recorded and move; else none."""
+    sticks = tuple(STICKS.get(name, "") for name in inputs)
+    there = all(name in one for one in records for name in sticks)
+    return sticks if there and all(any(np.ptp(o[n]) > 0.0 for o in records) for n in sticks) else ()
+
+
+def worth_more(joint: FrequencyResponse) -> FrequencyResponse:
+    """Return a joint response by sticks, or the direct one where the sticks don't excite."""
+    if joint.direct is None:
+        return joint
+    own, direct = (float(one.usable().mean()) for one in (joint, joint.direct))
+    # a gust that comes back in an input is coherent with it, and not with the sticks
+    loop = any(one.kind == "feedback" for one in joint.direct.evidence)
+    return joint.direct if own < (_IN_A_LOOP if loop else _AS_COHERENT) * direct else joint
 
 
 def flights_of(records: FlightRecord | Iterable[FlightRecord]) -> tuple[FlightRecord, ...]:

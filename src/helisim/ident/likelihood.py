@@ -43,6 +43,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.search import linear_parameters, minimum, scattered
 from helisim.ident.structure import Structure
+from helisim.ident.windows import lowest_line
 from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.record import FlightRecord, one_blas_thread, plain
 
@@ -136,8 +137,7 @@ def falls_short(records: Sequence[FlightRecord], band: Band | None) -> bool:
     Those of less than 20 s are, unless a band is given in which they have windows.
     """
     durations = [one.duration for one in records]
-    lowest = 4.0 * math.pi / min(*durations, 0.4 * sum(durations))
-    return max(durations) < SHORT and (band is None or band[0] < lowest)
+    return max(durations) < SHORT and (band is None or band[0] < lowest_line(durations))
 
 
 class _Lines(NamedTuple):

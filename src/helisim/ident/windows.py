@@ -326,6 +326,11 @@ class Windows:
         )
 
 
+def lowest_line(durations: Sequence[float]) -> float:
+    """Return the lowest frequency, rad/s, of the longest window that records, s, allow."""
+    return 2.0 * np.pi / min(min(durations) / 2.0, sum(durations) / 5.0)
+
+
 def window_lengths(durations: Sequence[float], band: tuple[float, float]) -> tuple[float, ...]:
     """Return the window lengths, s, longest first; raises IdentificationError for short records.
 
@@ -333,8 +338,8 @@ def window_lengths(durations: Sequence[float], band: tuple[float, float]) -> tup
     and one period of the lowest within the longest window.
     """
     (low, high), shortest = band, min(durations)
-    longest = min(shortest / 2.0, sum(durations) / 5.0)
-    lowest = 2.0 * np.pi / longest
+    lowest = lowest_line(durations)
+    longest = 2.0 * np.pi / lowest
     if lowest > low * (1.0 + _AS_PRINTED):
         raise IdentificationError(
             f"records too short for the band: the shortest lasts {shortest:.4g} s and all "

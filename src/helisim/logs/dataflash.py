@@ -370,15 +370,14 @@ class DataFlash:
 
     def _findings(self) -> list[LogFinding]:
         lost = [layout.lost for layout, _ in self._types.values() if layout.lost]
-        found = [LogFinding("format", text) for text in lost]
-        if self.skipped:
-            text = f"{self.skipped} of {self.size} bytes belong to no whole message"
-            found.append(LogFinding("corruption", text))
         dropped = max((int(count) for _, count in self._rows("DSF", Dp=False)), default=0)
-        if dropped:
-            text = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
-            found.append(LogFinding("dropped", text, count=dropped))
-        return found
+        skipped = f"{self.skipped} of {self.size} bytes belong to no whole message"
+        fewer = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
+        return [
+            *(LogFinding("format", text) for text in lost),
+            *[LogFinding("corruption", skipped)] * bool(self.skipped),
+            *[LogFinding("dropped", fewer, count=dropped)] * bool(dropped),
+        ]
 
 
 @lru_cache(maxsize=1)

@@ -21,17 +21,25 @@ class Example:
     map: Path | None = field(default=None, repr=False)
 
 
-_MEANINGS = {
-    "sweep_col": "collective sweep in the hover: heave",
-    "sweep_lon": "longitudinal sweep: with sweep_lat roll and pitch",
-    "sweep_lat": "lateral sweep",
-    "sweep_ped": "pedal sweep: yaw",
-    "doublet_lat": "lateral doublet, to verify roll and pitch",
-    "doublet_ped": "pedal doublet, to verify yaw from 1.5 to 4 s",
-}
-_EXAMPLES = [Example(name, said, FOLDER / f"{name}.parquet") for name, said in _MEANINGS.items()]
-_FOREIGN = "lateral sweep by another logger: CSV in ms, percent and deg/s"
-_EXAMPLES.append(Example("logger", _FOREIGN, FOLDER / "logger.csv", FOLDER / "logger.toml"))
+_EXAMPLES = [
+    *(
+        Example(name, said, FOLDER / f"{name}.parquet")
+        for name, said in (
+            ("sweep_col", "collective sweep in the hover: heave"),
+            ("sweep_lon", "longitudinal sweep: with sweep_lat roll and pitch"),
+            ("sweep_lat", "lateral sweep"),
+            ("sweep_ped", "pedal sweep: yaw"),
+            ("doublet_lat", "lateral doublet, to verify roll and pitch"),
+            ("doublet_ped", "pedal doublet, to verify yaw from 1.5 to 4 s"),
+        )
+    ),
+    Example(
+        "logger",
+        "lateral sweep by another logger: CSV in ms, percent and deg/s",
+        FOLDER / "logger.csv",
+        FOLDER / "logger.toml",
+    ),
+]
 
 
 def examples() -> FrozenMap[str, Example]:

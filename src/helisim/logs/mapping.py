@@ -85,6 +85,11 @@ class Column:
         return standard or Channel(channel, si, "OTHER", self.meaning), self.sign * factor
 
 
+def own_column(channel: Channel) -> Column:
+    """Return the column of a record's channel."""
+    return Column(channel.name, channel.unit if is_unit(channel.unit) else None)
+
+
 def named_column(text: str) -> tuple[str, Column]:
     """Read NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X]. Raises InputError."""
     name, _, rest = text.partition("=")

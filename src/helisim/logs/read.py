@@ -13,7 +13,7 @@ from helisim.base.errors import HelisimError, InputError, RecordError
 from helisim.base.files import first_bytes, read_bytes
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.units import is_unit, unit
+from helisim.base.units import unit
 from helisim.logs.dataflash import is_dataflash, open_dataflash
 from helisim.logs.mapping import (
     LOOK,
@@ -22,11 +22,12 @@ from helisim.logs.mapping import (
     Column,
     Map,
     find_column,
+    own_column,
     split_heading,
 )
 from helisim.logs.report import OURS, Findings, Log, LogReport
 from helisim.logs.resample import cut
-from helisim.logs.screening import Channels, implausible, note_lost_samples, screened
+from helisim.logs.screening import Channels, implausible, screened
 from helisim.logs.source import Source, file_digest
 from helisim.logs.tables import ARRAYS, ArrayLog, ParquetLog, TextLog
 from helisim.logs.timing import (
@@ -48,7 +49,6 @@ from helisim.records.storage import read_record, read_table
 _OURS_CSV = b"# helisim flight record"
 _PARQUET_MAGIC = b"PAR1"
 _MANY_CLOCKS = 4  # Clocks above which a log isn't read as a whole
-_NO_MOVE = 1e-12  # Share of a channel's largest value below which its variation is rounding
 _WRAP = 1.5 * np.pi  # rad between two samples, from which an angle went around
 
 
@@ -100,7 +100,6 @@ def read_logs(
     *,
     channels: Map | Mapping[str, Column | str] | Sequence[str] | None = None,
     wanted: Sequence[str] = (),
-    moving: bool = False,
     time: Clock | str | None = None,
     resample_hz: float | None = None,
     repair: Iterable[str] = (),
@@ -113,8 +112,8 @@ def read_logs(
 ) -> tuple[Log, ...]:
     """Read logs that are to be used together: uniform, each with the channels `wanted`.
 
-    With `moving`, each channel must move in one of the logs. `use_ended` takes flights that were
-    terminated early, too; `on_progress` is told the files' names. Raises LogError, InputError.
+    `use_ended` takes flights that were terminated early, too; `on_progress` is told the files'
+    names. Raises LogError, InputError.
     """
     findings, logs = Findings(), []
     options = Options(resample_hz, repair, max_gap, min_duration, start, stop)
@@ -129,15 +128,6 @@ def read_logs(
         logs.append(log)
         if on_progress is not None:
             on_progress(path.name)
-    for name in wanted if moving else ():
-        have = [log for log in logs if name in log.records[0]]
-        columns = [record[name] for log in have for record in log.records]
-        if columns and all(np.ptp(one) <= _NO_MOVE * np.max(np.abs(one)) for one in columns):
-            text = (
-                f"{'; '.join(log.where(name) for log in have)}: channel {name!r} is constant, so "
-                "nothing can be identified from it; map it to another column, or leave it out"
-            )
-            findings.refuse("constant", text)
     findings.check()
     return tuple(logs)
 
@@ -225,12 +215,7 @@ def _from_record(
 ) -> Log:
     findings, first = Findings(), float(record.time[0])
     taken = [
-        Taken(
-            one,
-            one.name,
-            Column(one.name, one.unit if is_unit(one.unit) else None),
-            f"as recorded, in {one.unit}",
-        )
+        Taken(one, one.name, own_column(one), f"as recorded, in {one.unit}")
         for one in record.channels
     ]
     rows = np.arange(len(record))
@@ -339,8 +324,6 @@ def _assembled(
     if options.resample_hz is None:
         options = replace(options, resample_hz=common_rate(stretches, options, findings))
     every = [one for stretch in stretches for one in stretch]
-    for one in every:
-        note_lost_samples(one, options, findings)
     made = [cut(stretch, options, findings) for stretch in stretches]
     parts = [part for found, _ in made for part in found]
     findings.check()

@@ -67,12 +67,11 @@ class Findings(list[LogFinding]):
 
     def refuse_error(self, path: object, error: HelisimError) -> None:
         """Add an exception as a finding that stops the log's use."""
-        text, known = str(error), {one.text for one in self.refused}
-        if isinstance(error, LogError) and error.findings:
-            self.refused += [one for one in error.findings if one.text not in known]
-        else:
-            place = "" if text.startswith(str(path)) else f"{path}: "
-            self.refuse("refused", f"{place}{text}", remedy=error.remedy)
+        known = {one.text for one in self.refused}
+        place = "" if str(error).startswith(str(path)) else f"{path}: "
+        own = LogFinding("refused", f"{place}{error}", error.remedy)
+        found = error.findings if isinstance(error, LogError) else ()
+        self.refused += [one for one in found or (own,) if one.text not in known]
 
     def check(self) -> None:
         """Raise LogError with all refused findings, if there are any."""
@@ -162,25 +161,22 @@ class LogReport(Value):
         """Return the report as text, each finding as `word` returns it."""
         low, middle, high = self.step
         total = sum(part.duration for part in self.parts)
+        filtered = "no filter: the log is not faster"
+        if self.passband_hz is not None:
+            filtered = f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
+        parts = [
+            f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
+            for part in self.parts[:_PARTS_SHOWN]
+        ]
+        computed = [f"  {name} = {text}" for name, text in self.columns.items()]
         lines = [
             f"{self.path}: {self.format}, {self.samples} samples, {total:.4g} s, "
-            f"step {middle:.4g} s (from {low:.4g} to {high:.4g} s)"
-        ]
-        if self.format != OURS:
-            lines += [f"  {name} = {text}" for name, text in self.columns.items()]
-        if self.resampled_hz is not None:
-            filtered = "no filter: the log is not faster"
-            if self.passband_hz is not None:
-                filtered = f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
-            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {filtered}")
-        if len(self.parts) > 1:
-            lines.append(f"  {len(self.parts)} records, the first of them:")
-            lines += [
-                f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
-                for part in self.parts[:_PARTS_SHOWN]
-            ]
-        lines += [
-            f"  {'repaired' if one.repaired else 'note'}: {word(one)}" for one in self.findings
+            f"step {middle:.4g} s (from {low:.4g} to {high:.4g} s)",
+            *computed * (self.format != OURS),
+            *[f"  resampled to {self.resampled_hz or 0.0:g} Hz, {filtered}"]
+            * (self.resampled_hz is not None),
+            *[f"  {len(self.parts)} records, the first of them:", *parts] * (len(self.parts) > 1),
+            *(f"  {'repaired' if one.repaired else 'note'}: {word(one)}" for one in self.findings),
         ]
         return "\n".join(lines)
 

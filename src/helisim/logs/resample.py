@@ -52,10 +52,8 @@ def cut(
         for column in one.values.T
         for known in [np.isfinite(column)]
     ]
-    factor = 1
-    if rate is not None:
-        ratios = [1.0 / (_median_step(time) * rate) for time, _ in lines]
-        factor = max(1 if ratio <= _FASTER else 2 * math.ceil(ratio) for ratio in ratios)
+    ratios = [1.0 / (_median_step(time) * (rate or np.inf)) for time, _ in lines]
+    factor = max(1 if ratio <= _FASTER else 2 * math.ceil(ratio) for ratio in ratios)
     made, short = list[Cut](), list[Part]()
     for start, stop in _spans(stretch, gaps):
         low, high = np.searchsorted(first.time, start), np.searchsorted(first.time, stop, "right")

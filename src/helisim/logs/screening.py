@@ -7,37 +7,32 @@ from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim.base.arrays import Real
 from helisim.base.note import Option
-from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS, window_transforms
+from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
-from helisim.logs.timing import GAP, Options, Samples
+from helisim.logs.timing import Options, Samples
 from helisim.records.quality import frozen_runs, spikes
-from helisim.records.record import ATTITUDES, IN1, IN2, RATES
+from helisim.records.record import IN1, IN2, RATES
+from helisim.records.turning import ANGLES, slope_matrix
 
-_REGULAR = 0.01  # largest error of a steady recorder's step, of the median step
 _SAME = 0.1  # largest error of a ratio that is a unit's, in its logarithm
 _SCALE = 0.25  # of a rate over its angle's slope, in the logarithm: less is not reported
 _LEAST_ANGLE = 0.01  # rad, rms, of any excited flight's attitude in radians
 _FASTEST = 40.0  # rad/s: more than gyros measure (2000 deg/s are 35)
 # Most of angles, with some rounding, and rates, rad and rad/s.
-_MOST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
+LARGEST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
 _SLOWEST, _WIDE = 1.0, 2.0  # rad/s and rad rms: faster swings that are wider are in deg/s
-_LONG = 256  # least samples of a swing or a comparison
-_PULSES = (700.0, 2300.0)  # us, of a radio
-_UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
-# Least coherence of a frequency that is compared: noise moves a ratio by a tenth at most there.
-_COHERENT = 0.8
-_WINDOWS = 16  # Half-overlapping windows of a record, whose median counts
-_LOWEST = 3  # Least periods in a window
+_LONG = 256  # least samples of a swing
+PULSES = (700.0, 2300.0)  # us, of a radio
+PULSE_RANGE = 800.0  # us, from one end of a stick to the other: 1100 to 1900
+UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
+# Error of a rate's slope, of the slope, and the share of the rate that it makes, where it is sure.
+_UNSURE, _MAINLY = 0.15, 0.7
+_LOWEST = 25.0  # periods in a log, at least
 _HIGHEST = 0.08  # of the sampling rate: up to here central differences are right within 5 %
-_FEWEST = 5  # Least number of coherent frequencies
-_EXPLAINED = 0.05  # Least share of a channel's power in the band that the coherent frequencies hold
-_STRONG = 0.1  # of the median window's power, from which a window counts
-_ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))
 
 
 def screened(
@@ -51,10 +46,8 @@ def screened(
         for kind in kinds if measured and (wanted is None or channel.name in wanted) else ():
             known = np.flatnonzero(np.isfinite(values[:, k]))
             one = values[known, k]
-            if kind == "frozen":
-                runs = [(run.first, run.last) for run in frozen_runs(one)]
-            else:
-                runs = [(n, n) for n in np.flatnonzero(spikes(one)).tolist()]
+            single = ((n, n) for n in np.flatnonzero(spikes(one)).tolist())
+            runs = [*frozen_runs(one)] if kind == "frozen" else [*single]
             if not runs:
                 continue
             bad = known[np.concatenate([np.arange(a, b + 1) for a, b in runs])]
@@ -70,27 +63,6 @@ def screened(
             findings.note(kind, text, len(rows), rows, repaired=asked, remedy=remedy)
             values[bad, k] = np.nan if asked else values[bad, k]
     return replace(samples, values=values)
-
-
-def note_lost_samples(samples: Samples, options: Options, findings: Findings) -> None:
-    """Note how many samples a steady recorder lost, gaps apart; `samples` are in order."""
-    steps = np.diff(samples.time)
-    median = float(np.median(steps)) if steps.size else 0.0
-    steady = np.abs(steps - median) <= _REGULAR * median
-    if median <= 0.0 or np.count_nonzero(steady) < 0.5 * steps.size:
-        return
-    missing = np.rint(steps / median).astype(np.int64) - 1
-    short = (missing > 0) & (steps <= GAP * median)
-    short &= np.abs(steps - (missing + 1) * median) <= _REGULAR * median
-    if short.any():
-        rows, count = tuple(samples.rows[1:][short].tolist()), int(np.sum(missing[short]))
-        filled = options.resample_hz is not None
-        text = (
-            f"{samples.counts} {rows[0]}: {count} samples were lost in {len(rows)} places; "
-            f"{'they count as missing' if filled else 'resample the log'}"
-        )
-        remedy = "" if filled else f"resample={float(f'{1.0 / median:.3g}'):g}"
-        findings.note("lost samples", text, count, rows, repaired=filled, remedy=remedy)
 
 
 class Channels(NamedTuple):
@@ -131,27 +103,6 @@ class Channels(NamedTuple):
         return (replace(column, sign=-column.sign) if flip else column).option(to or name)
 
 
-class Likeness(NamedTuple):
-    """How a measured channel goes with a predicted one: `ratio` is measured over predicted, signed.
-
-    `coherence` is its mean, weighted by power, `phase` in rad.
-    """
-
-    coherence: float = 0.0
-    ratio: float = 0.0
-    phase: float = 0.0
-
-    @property
-    def sure(self) -> bool:
-        """Whether the two go together, in phase or against each other."""
-        return self.coherence >= _COHERENT and abs(math.sin(self.phase)) < 0.5
-
-    @property
-    def off(self) -> bool:
-        """Whether the ratio isn't 1."""
-        return abs(math.log(abs(self.ratio))) > _SAME
-
-
 def implausible(channels: Channels) -> list[LogFinding]:
     """Return findings on channels whose unit, sign or axis can't be as declared."""
     with np.errstate(all="ignore"):
@@ -163,28 +114,28 @@ def implausible(channels: Channels) -> list[LogFinding]:
 def _sizes(channels: Channels) -> Iterator[LogFinding]:
     for name, column in channels.declared.items():
         values = channels.columns[name]
-        if name not in (*IN1, *IN2, *_MOST) or channels.factor(name) != 1.0:
+        if name not in (*IN1, *IN2, *LARGEST) or channels.factor(name) != 1.0:
             continue
         low, high = np.quantile(np.abs(values), (0.05, 0.95))
         largest = float(np.quantile(np.abs(values), 0.999))
-        says = f"{name} reaches {largest:.4g} {'rad' if name in _MOST else 'without dimension'}"
-        if name not in _MOST and _PULSES[0] <= low and high <= _PULSES[1]:
+        says = f"{name} reaches {largest:.4g} {'rad' if name in LARGEST else 'without dimension'}"
+        if name not in LARGEST and PULSES[0] <= low and high <= PULSES[1]:
             trim = float(f"{np.median(np.abs(values)):.0f}")
-            pulse = replace(column, unit=PULSE, trim=trim, range=800.0)
+            pulse = replace(column, unit=PULSE, trim=trim, range=PULSE_RANGE)
             text = f"{says}: a radio's pulses, us, whose trim and range are yours"
             yield LogFinding("unit", text, (pulse.option(name),))
-        elif name not in _MOST and high > _UNITISED:
+        elif name not in LARGEST and high > UNITISED:
             text = f"{says}: a percentage, or its range is another one"
             yield LogFinding("unit", text, (channels.to_try(name, unit="percent"),))
-        elif name in _MOST and _in_degrees(name, values, channels.step, largest):
+        elif name in LARGEST and _in_degrees(name, values, channels.step, largest):
             unit = "deg/s" if name in RATES else "deg"
             text = f"{says}, more than it can: column {column.column!r} is in {unit}"
             yield LogFinding("unit", text, (channels.to_try(name, unit=unit),))
 
 
 def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
-    if _MOST[name] < largest:
-        return RAD_PER_DEG * largest <= _MOST[name]
+    if LARGEST[name] < largest:
+        return RAD_PER_DEG * largest <= LARGEST[name]
     omega = 2.0 * math.pi * np.fft.rfftfreq(values.size, step)
     angle = np.fft.rfft(values - np.mean(values))[omega > _SLOWEST] / omega[omega > _SLOWEST]
     swing = float(np.sqrt(2.0 * np.sum(np.abs(angle) ** 2)) / values.size)
@@ -206,22 +157,46 @@ def _gravity(channels: Channels) -> Iterator[LogFinding]:
 
 
 def _rates(channels: Channels) -> list[LogFinding]:
-    pairs = _compared(channels, _turning(channels))
-    own = {one: like for (one, other), like in pairs.items() if one == other}
-    for order in permutations(own):
-        moved = [(one, other) for one, other in zip(own, order) if one != other]
-        if moved and all(pairs[pair].sure and not own[pair[0]].sure for pair in moved):
+    named = [name for name in RATES if name in channels.declared]
+    rates = [name for name in named if ANGLES[name] in channels.columns]
+    columns = [channels.columns[one] for name in rates for one in (name, ANGLES[name])]
+    if not rates or not np.all(np.abs(columns) < 1e100):  # squares have a sum
+        return []
+    low, high = 2.0 * math.pi / channels.step * np.array([_LOWEST / columns[0].size, _HIGHEST])
+    if low > 0.5 * high:
+        return []
+    ratio, error, share = slope_matrix([(channels.columns, channels.step)], rates, (low, high))
+    sure = (error < _UNSURE * np.abs(ratio)) & (share > _MAINLY)
+    pairs = {
+        (one, other): Likeness(float(ratio[k, n]), float(error[k, n]), bool(sure[k, n]))
+        for k, one in enumerate(rates)
+        for n, other in enumerate(rates)
+    }
+    for order in permutations(rates):
+        moved = [(one, other) for one, other in zip(rates, order) if one != other]
+        if moved and all(pairs[pair].sure and not pairs[pair[0], pair[0]].sure for pair in moved):
             text = ", ".join(_said(one, other, pairs[one, other]) for one, other in moved)
             remedy = tuple(_as(channels, one, other, pairs[one, other]) for one, other in moved)
             return [LogFinding("axes", f"columns are swapped: {text}", remedy)]
-    found = (_own(channels, one, like) for one, like in own.items() if like.sure)
+    found = (_own(channels, one, pairs[one, one]) for one in rates if pairs[one, one].sure)
     return [one for one in found if one is not None]
 
 
+class Likeness(NamedTuple):
+    """How often a rate is the one that an angle's slope makes, and whether it is that at all."""
+
+    ratio: float
+    error: float
+    sure: bool
+
+    @property
+    def off(self) -> bool:
+        """Whether the ratio isn't 1."""
+        return abs(math.log(abs(self.ratio))) > _SAME
+
+
 def _said(name: str, source: str, like: Likeness) -> str:
-    return (
-        f"{name} is {like.ratio:.3g} times d({_ANGLES[source]})/dt (coherence {like.coherence:.2f})"
-    )
+    return f"{name} is {like.ratio:.3g} +- {like.error:.2g} times d({ANGLES[source]})/dt"
 
 
 def _as(channels: Channels, one: str, other: str, like: Likeness) -> Option:
@@ -231,72 +206,20 @@ def _as(channels: Channels, one: str, other: str, like: Likeness) -> Option:
 
 
 def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
-    angle, size, flip = _ANGLES[name], abs(like.ratio), like.ratio < 0.0
+    angle, size, flip = ANGLES[name], abs(like.ratio), like.ratio < 0.0
     said, still = _said(name, name, like), np.std(channels.columns[angle]) < _LEAST_ANGLE
     wrong, factor = name, channels.factor(name) / size
     if still and angle in channels.declared:  # an angle declared in too small a unit
         wrong, factor = angle, channels.factor(angle) * size
     unit = channels.unit_of(wrong, factor) if like.off else None
     remedy = (channels.to_try(wrong, unit=unit, flip=flip),)
-    if unit is not None:
-        column = channels.declared[wrong].column
-        also = ", and the sign is wrong" if flip else ""
-        return LogFinding("unit", f"{said}: column {column!r} is in {unit}{also}", remedy)
-    if flip:
-        return LogFinding("sign", f"{said}: the sign of {name} or {angle} is wrong", remedy)
-    if abs(math.log(size)) > _SCALE:
-        return LogFinding("scale", f"{said}: the scale of either, or of time, is wrong")
-    return None
-
-
-def _turning(channels: Channels) -> dict[str, Real]:
-    angles = {name: channels.columns[name] for name in ATTITUDES if name in channels.columns}
-    slope = {name: np.gradient(angle, channels.step) for name, angle in angles.items()}
-    if len(angles) < 3:
-        return {rate: slope[angle] for rate, angle in _ANGLES.items() if angle in slope}
-    phi, theta = angles["phi"], angles["theta"]
-    return {
-        "p": slope["phi"] - slope["psi"] * np.sin(theta),
-        "q": slope["theta"] * np.cos(phi) + slope["psi"] * np.sin(phi) * np.cos(theta),
-        "r": slope["psi"] * np.cos(phi) * np.cos(theta) - slope["theta"] * np.sin(phi),
-    }
-
-
-def _compared(channels: Channels, predicted: Mapping[str, Real]) -> dict[tuple[str, str], Likeness]:
-    names = [name for name in RATES if name in channels.declared and name in predicted]
-    columns = [of[name] for of in (channels.columns, predicted) for name in names]
-    if not names or columns[0].size < _LONG or not np.all(np.isfinite(columns)):
-        return {}
-    length = 2 * (columns[0].size // (_WINDOWS + 1))
-    cycles = np.fft.rfftfreq(length)
-    inside = (np.arange(cycles.size) >= _LOWEST) & (cycles <= _HIGHEST)
-    if inside.sum() < _FEWEST:
-        return {}
-    transforms = window_transforms(np.column_stack(columns), length)[:_WINDOWS]
-    each = np.moveaxis(transforms[:, inside], 2, 0)
-    return {
-        (one, other): likeness(mine, theirs)
-        for one, mine in zip(names, each)
-        for other, theirs in zip(names, each[len(names) :])
-    }
-
-
-def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]) -> Likeness:
-    """Compare two channels' transforms, (n_window, n_freq) each."""
-    own, other = np.abs(measured) ** 2, np.abs(predicted) ** 2
-    cross = np.sum(measured * predicted.conj(), axis=0)
-    powers = np.sum(own, axis=0) * np.sum(other, axis=0)
-    coherence = np.abs(cross) ** 2 / np.where(powers > 0.0, powers, np.inf)
-    keep = coherence >= _COHERENT
-    share = np.sum(other[:, keep]) / np.sum(other)
-    if not np.all(np.isfinite(powers)) or keep.sum() < _FEWEST or not share >= _EXPLAINED:
-        return Likeness()
-    weight = np.sqrt(powers[keep])
-    each_own, each_other = np.sum(own[:, keep], axis=1), np.sum(other[:, keep], axis=1)
-    strong = each_other > _STRONG * np.median(each_other)
-    ratio = float(np.sqrt(np.median(each_own[strong] / each_other[strong])))
-    if not 0.0 < ratio < np.inf:
-        return Likeness()
-    total = np.sum(cross[keep] / np.abs(cross[keep]) * weight)
-    mean = float(np.sum(coherence[keep] * weight) / np.sum(weight))
-    return Likeness(mean, ratio if total.real >= 0.0 else -ratio, float(np.angle(total)))
+    column, also = channels.declared[wrong].column, ", and the sign is wrong" * flip
+    rules = (
+        ("unit", unit is not None, f"column {column!r} is in {unit}{also}", remedy),
+        ("sign", flip, f"the sign of {name} or {angle} is wrong", remedy),
+        ("scale", abs(math.log(size)) > _SCALE, "the scale of either, or of time, is wrong", ()),
+    )
+    found = (
+        LogFinding(kind, f"{said}: {text}", helps) for kind, holds, text, helps in rules if holds
+    )
+    return next(found, None)

@@ -14,12 +14,18 @@ from helisim.base.files import file_size, pieces
 from helisim.base.text import shown
 from helisim.base.units import is_unit
 from helisim.logs.mapping import Clock, split_heading
-from helisim.logs.report import LogFinding
+from helisim.logs.report import Findings, LogFinding
 
 
 def place(path: Path, counts: str, row: int, column: str | None = None) -> str:
     """Return a place in a log, for a message."""
     return f"{path}, {counts} {row}" + ("" if column is None else f", column {column!r}")
+
+
+def usual_step(steps: NDArray[np.float64]) -> float:
+    """Return the median of steps ahead, (n_step,); 0 without any."""
+    ahead = steps[steps > 0.0]
+    return float(np.median(ahead)) if ahead.size else 0.0
 
 
 def file_digest(path: Path) -> str:
@@ -44,7 +50,7 @@ class Source(ABC):
     def __init__(
         self, path: Path, names: Sequence[str], findings: Sequence[LogFinding] = ()
     ) -> None:
-        self.path, self.findings = path, list(findings)
+        self.path, self.findings = path, Findings(findings)
         self.names: tuple[str, ...] = tuple(shown(name, 1000) for name in names)
 
     @abstractmethod

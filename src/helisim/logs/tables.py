@@ -22,7 +22,7 @@ from helisim.base.text import shown
 from helisim.base.units import DATES, TIME_UNITS, is_unit, time_unit
 from helisim.logs.mapping import TIME_LIKE, TIME_NAMES, Clock, Layout, find_column, split_heading
 from helisim.logs.report import LogFinding
-from helisim.logs.source import Source
+from helisim.logs.source import Source, usual_step
 from helisim.records.storage import as_array, read_table
 
 _COMMENTS = ("#", "%", "//")
@@ -41,6 +41,12 @@ _LONG_STAMP = 1e6  # from here on, stamps are subtracted by their decimal digits
 
 class TimeTable(Source):
     """A log of one table: a column has the time of all others, unless a rate is given."""
+
+    _count = 0  # rows
+
+    def rows(self, clock: str) -> NDArray[np.int64]:
+        """Return the rows' numbers, (n_time,)."""
+        return np.arange(self._count)
 
     @abstractmethod
     def _seconds(self, name: str, unit: str) -> tuple[NDArray[np.float64], str]:
@@ -67,8 +73,8 @@ class TimeTable(Source):
                 )
             name = find_column(clock.column, self.names, "column of time")
             said, ending = _said_time(name), name.lower().rpartition("_")[2]
-            ending = ending if ending in TIME_UNITS else None
-            stated = clock.unit or self._unit(name) or (said and said[3]) or ending
+            known = ending * (ending in TIME_UNITS)
+            stated = clock.unit or self._unit(name) or (said and said[3]) or known
             return name, time_unit(stated) if stated else self._unit_by_steps(name)
         except InputError as error:
             remedy = error.remedy or "time"
@@ -80,7 +86,7 @@ class TimeTable(Source):
             steps = np.diff(self._numbers(name))
         except StorageError:
             return DATES
-        step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+        step = usual_step(steps)
         units = (one for one, size in TIME_UNITS.items() if _STEPS[0] <= step * size <= _STEPS[1])
         likely = next(units, "")
         if likely != "s":
@@ -91,8 +97,7 @@ class TimeTable(Source):
                 remedy=Option("time", f"{name}:{likely}") if likely else "time",
             )
         text = f"column {name!r}: its steps are {step:.4g}, the median, so it is taken to be in s"
-        if all(text != one.text for one in self.findings):
-            self.findings.append(LogFinding("unit of time", text))
+        self.findings.note("unit of time", text)
         return likely
 
 
@@ -127,7 +132,7 @@ class TextLog(TimeTable):
         some = [cell for row in self._cells[:_TRIED] for cell in row if not _is_number(cell)]
         if delimiter != "," and any(_is_number(cell.replace(",", ".")) for cell in some):
             self._layout = replace(layout, decimal=",")
-            self.findings.append(LogFinding("decimal", "numbers have a decimal comma"))
+            self.findings.note("decimal", "numbers have a decimal comma")
         self._lines = [line for line, _ in rows[layout.skip :]]
         self._check_widths()
 
@@ -179,9 +184,8 @@ class TextLog(TimeTable):
     def _number(self, k: int, name: str, cell: str) -> float:
         number = self._point(cell)
         if not _is_number(number):
-            comma = _is_number(cell.replace(",", "."))
             hint = "; if it has a decimal comma, say decimal = ',' in the map's [file]"
-            said = f"{_short(cell)} is not a number{hint if comma else ''}"
+            said = f"{_short(cell)} is not a number{hint * _is_number(cell.replace(',', '.'))}"
             raise StorageError(f"{self.place('time', k, name)}: {said}")
         if not math.isfinite(float(number)):
             raise RecordError(f"{self.place('time', k, name)}: {_short(cell)} is not finite")
@@ -196,7 +200,7 @@ class TextLog(TimeTable):
             text = data.decode(encoding)
         except ValueError:
             text = data.decode("latin-1")
-            self.findings.append(LogFinding("encoding", f"not {encoding}: read as Latin-1"))
+            self.findings.note("encoding", f"not {encoding}: read as Latin-1")
         if "\0" in text:
             line = text.count("\n", 0, text.index("\0")) + 1
             raise StorageError(
@@ -226,7 +230,7 @@ class TextLog(TimeTable):
         if len(cells) > 1 and len(cells[-1]) < width:
             cells.pop()
             text = f"line {self._lines.pop()}, the last, is incomplete and was left out"
-            self.findings.append(LogFinding("incomplete last line", text, repaired=True))
+            self.findings.note("incomplete last line", text, repaired=True)
         wrong = [k for k, row in enumerate(cells) if len(row) != width]
         if wrong:
             have = f"{len(cells[wrong[0]])} columns, the header has {width}"
@@ -270,16 +274,11 @@ class ParquetLog(TimeTable):
         if not self._count:
             raise StorageError(f"{path}: no rows")
 
-    def rows(self, clock: str) -> NDArray[np.int64]:
-        """Return the rows' numbers, (n_time,)."""
-        return np.arange(self._count)
-
     def _unit(self, name: str) -> str | None:
         field = self._fields[name][0]
         stated = (field.metadata or {}).get(b"unit")
-        if str(field.type).startswith("timestamp"):
-            return DATES
-        return super()._unit(name) if stated is None else stated.decode("utf-8", "replace")
+        own = super()._unit(name) if stated is None else stated.decode("utf-8", "replace")
+        return DATES if str(field.type).startswith("timestamp") else own
 
     def _cast(self, name: str, kind: str, **options: bool) -> Any:
         try:
@@ -326,13 +325,7 @@ class ArrayLog(TimeTable):
                 f"{path}: MATLAB's format 7.3, which isn't read; in MATLAB: save('log.mat', '-v7')"
             )
         try:
-            if self.format == "MATLAB":
-                from scipy.io import loadmat
-
-                file: Any = io.BytesIO(data)
-                found: Any = loadmat(file, simplify_cells=True)
-            else:
-                found = np.load(io.BytesIO(data), allow_pickle=False)
+            found = _loaded(io.BytesIO(data), self.format)
             columns = [one for one in _columns("", found) if one[1].dtype.kind in "iufb"]
         except Exception as error:  # of damaged bytes both raise anything
             reason = shown(str(error), 200) or type(error).__name__
@@ -347,18 +340,10 @@ class ArrayLog(TimeTable):
                 "name of each column",
                 remedy=Option("names", "A,B,..."),
             )
-        self._columns = dict(zip(names or map(shown, kept), kept.values()))
-        left = [
-            LogFinding("left out", f"{one}: of another length than the other arrays")
-            for one, values in columns
-            if values.size != count
-        ]
-        super().__init__(path, tuple(self._columns), left)
-        self._count = count
-
-    def rows(self, clock: str) -> NDArray[np.int64]:
-        """Return the rows' numbers, (n_time,)."""
-        return np.arange(self._count)
+        self._columns, self._count = dict(zip(names or map(shown, kept), kept.values())), count
+        left = [name for name, values in columns if values.size != count]
+        said = (f"{name}: of another length than the other arrays" for name in left)
+        super().__init__(path, tuple(self._columns), [LogFinding("left out", one) for one in said])
 
     def _numbers(self, name: str) -> NDArray[np.float64]:
         return self._columns[name].astype(np.float64)
@@ -369,6 +354,14 @@ class ArrayLog(TimeTable):
         if unit == DATES or np.isnan(values).any():
             raise RecordError(f"{self.path}, column {name!r}: holds no dates, or not every time")
         return (values - values[0]) * TIME_UNITS[unit], f"{values[0]} {unit}"
+
+
+def _loaded(file: Any, kind: str) -> Any:
+    if kind == "NumPy":
+        return np.load(file, allow_pickle=False)
+    from scipy.io import loadmat  # slow to import
+
+    return loadmat(file, simplify_cells=True)
 
 
 def _columns(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -14,7 +14,7 @@ from helisim.base.note import Option, Remedy, options
 from helisim.base.settings import check, convert, setting
 from helisim.logs.mapping import REPAIRS, Column
 from helisim.logs.report import Findings, LogFinding
-from helisim.logs.source import place
+from helisim.logs.source import place, usual_step
 from helisim.records.record import UNIFORM, Channel
 
 GAP = 4.5  # Median steps above which a step is a gap
@@ -39,9 +39,8 @@ class Options:
     stop: float | None = setting(None, unit="s", finite=False)
 
     def __post_init__(self) -> None:
-        several = isinstance(self.repair, Iterable) and not isinstance(self.repair, str)
-        asked = list(self.repair) if several else [self.repair]
-        names = set(convert(tuple[str, ...], asked, "repair"))
+        one = isinstance(self.repair, str) or not isinstance(self.repair, Iterable)
+        names = {*convert(tuple[str, ...], [self.repair] if one else [*self.repair], "repair")}
         check_known("repair", sorted(names), REPAIRS)
         implied = {"gaps"} if "frozen" in names else set()
         object.__setattr__(self, "repair", tuple(sorted(names | implied)))
@@ -143,8 +142,7 @@ def within(samples: Samples, limits: tuple[float, float], findings: Findings) ->
 
 def check_unit_of_time(samples: Samples, findings: Findings) -> None:
     """Refuse steps that no flight log has: the unit of time is wrong."""
-    steps = np.diff(samples.time)
-    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    step = usual_step(np.diff(samples.time))
     sane = step == 0.0 or _STEPS[0] <= step <= _STEPS[1]
     if samples.time.size < _FEW or sane or step > _LONGEST:  # refused elsewhere
         return
@@ -263,17 +261,18 @@ def common_rate(
     chosen, clock = max(judged, key=lambda one: one[0].step if several else one[0].rms)
     remedy = f"resample={chosen.rate:g}"
     worst, uneven = max(judged, key=lambda one: (one[0].kind == "irregular", one[0].rms))
+    if not several:
+        text = f"column {clock!r}: {worst}; resampled at {chosen.rate:g} Hz"
+        findings.note("jitter", text, repaired=True, remedy=remedy)
+        return chosen.rate
     names = ", ".join(dict.fromkeys(f"{name} {one.rate:.3g} Hz" for one, name in judged))
-    said = f"column {clock!r}: {worst}"
-    if several:
-        said = f"channels of several clocks ({names}); {uneven}: {worst}"
-    if several and worst.kind == "irregular":
+    said = f"channels of several clocks ({names}); {uneven}: {worst}"
+    if worst.kind == "irregular":
         text = f"{clocks[0].path}: {said}: it is irregular; give a common rate, such as "
         findings.refuse("clocks", f"{text}{chosen.rate:g} Hz", remedy=remedy)
     else:
-        slowest = ", the slowest one's" if several else ""
-        text = f"{said}; resampled at {chosen.rate:g} Hz{slowest}"
-        findings.note("clocks" if several else "jitter", text, repaired=True, remedy=remedy)
+        text = f"{said}; resampled at {chosen.rate:g} Hz, the slowest one's"
+        findings.note("clocks", text, repaired=True, remedy=remedy)
     return chosen.rate
 
 

@@ -54,13 +54,11 @@ def open_ulog(path: Path, digest: str) -> Topics:
     except Exception as error:  # pyulog may raise anything on damaged bytes
         reason = shown(str(error), 200) or type(error).__name__
         raise StorageError(f"{path}: not ULog, truncated or corrupt: {reason}") from None
-    findings = []
-    if log.file_corruption:
-        findings.append(LogFinding("corruption", "the log is damaged: messages were lost"))
-    if log.dropouts:
-        lost = sum(dropout.duration for dropout in log.dropouts)
-        text = f"{len(log.dropouts)} dropouts of the logger, {lost} ms in all"
-        findings.append(LogFinding("dropout", text, count=len(log.dropouts)))
+    count, lost = len(log.dropouts), sum(dropout.duration for dropout in log.dropouts)
+    damaged = LogFinding("corruption", "the log is damaged: messages were lost")
+    text = f"{count} dropouts of the logger, {lost} ms in all"
+    dropouts = LogFinding("dropout", text, count=count)
+    findings = [*[damaged] * bool(log.file_corruption), *[dropouts] * bool(count)]
     columns: dict[str, NDArray] = {}
     topics, clocks, units = {}, {}, {}
     for one in log.data_list:

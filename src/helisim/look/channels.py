@@ -12,19 +12,18 @@ from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError
 from helisim.base.units import PULSE, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
+from helisim.logs.screening import LARGEST, PULSE_RANGE, PULSES, UNITISED
 from helisim.logs.source import Source
 from helisim.logs.timing import steadiness
 from helisim.records.record import ACCELERATIONS, ATTITUDES, CHANNELS, IN1, IN2, POSITIONS, RATES
 
 CONTROLS = (*IN1, *IN2)
 AS_RECORDED, GIVEN = "as recorded", "given"  # why a channel is what it is
-_PULSES = (700.0, 2300.0)
-_PULSE_RANGE = 800.0  # us, from one end of a stick to the other: 1100 to 1900
-_UNITISED, _PERCENT = 1.5, 105.0
+_PERCENT = 105.0
 _FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
-_EULER = 1.02 * math.pi
 _GRAVITIES = {"m/s^2": 9.80665, "g": 1.0, "mg": 1000.0, "ft/s^2": 32.174}
 _NO_MOVE = 1e-9
+_UNSAID = "SI, for lack of another word"
 
 
 class Named(NamedTuple):
@@ -212,8 +211,8 @@ class SeenClock:
         return cls(name, even.rate, time.size, span, even.rms, even.kind, even.gaps)
 
     def __str__(self) -> str:
-        even = self.even if self.even == "uniform" else f"jitter {1e3 * self.jitter:.2g} ms rms"
-        even += ", irregular" if self.even == "irregular" else ""
+        jitter = f"jitter {1e3 * self.jitter:.2g} ms rms"
+        even = {"jitter": jitter, "irregular": f"{jitter}, irregular"}.get(self.even, self.even)
         gaps = f", {self.gaps} gap(s)" if self.gaps else ""
         return (
             f"clock {self.name}: {self.rate:.4g} Hz, {self.samples} samples, {self.duration:.4g} "
@@ -231,6 +230,14 @@ class SeenChannel:
     clock: SeenClock | None
     low: float
     high: float
+
+    @classmethod
+    def of(
+        cls, name: str, column: Column, why: str, clock: SeenClock | None, known: Real
+    ) -> "SeenChannel":
+        """Return a channel with the range of its values, (n_known,)."""
+        edges = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        return cls(name, column, why, clock, *edges)
 
     @property
     def rate(self) -> float:
@@ -273,15 +280,11 @@ def guess(
         except HelisimError:
             continue  # reading reports it
         column = replace(column, column=heading, unit=column.unit or source.stated_unit(heading))
-        clock = clocks.get(source.clock(heading))
-        seen[name] = SeenChannel(name, column, GIVEN, clock, *_range(known))
-    taken = {one.column.column for one in seen.values()}
+        seen[name] = SeenChannel.of(name, column, GIVEN, clocks.get(source.clock(heading)), known)
+    given_ones, taken = tuple(seen), {one.column.column for one in seen.values()}
     for heading in (name for name in source.names if name not in taken):
         meant, clock = named(heading, source.format), clocks.get(source.clock(heading))
-        if meant is None or clock is None:
-            continue
-        other = seen.get(meant.channel)
-        if other is not None and other.why == GIVEN:
+        if meant is None or clock is None or meant.channel in given_ones:
             continue
         try:
             known = _known(source, heading)
@@ -290,7 +293,8 @@ def guess(
         if known.size > 1 and not _geographic(heading, known):
             stated = source.stated_unit(heading)
             column, why = _in_unit(stated and unit(stated).name, heading, meant, known)
-            found = SeenChannel(meant.channel, column, why, clock, *_range(known))
+            found = SeenChannel.of(meant.channel, column, why, clock, known)
+            other = seen.get(meant.channel)
             if other is None or _better(found, meant.rank, other, ranks[meant.channel]):
                 seen[meant.channel], ranks[meant.channel] = found, meant.rank
     return _same_family(tuple(seen.values()))
@@ -298,9 +302,8 @@ def guess(
 
 def _better(one: SeenChannel, rank: int, other: SeenChannel, others: int) -> bool:
     """Return whether a column is the better one for a channel: it moves, is faster, named so."""
-    if one.moves != other.moves:
-        return one.moves
-    return one.rate > 1.5 * other.rate or (rank < others and one.rate > other.rate / 1.5)
+    quick = one.rate > 1.5 * other.rate or (rank < others and one.rate > other.rate / 1.5)
+    return quick if one.moves == other.moves else one.moves
 
 
 def _known(source: Source, heading: str) -> Real:
@@ -308,14 +311,9 @@ def _known(source: Source, heading: str) -> Real:
     return values[np.isfinite(values)]
 
 
-def _range(known: Real) -> tuple[float, float]:
-    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-
-
 def _geographic(heading: str, known: Real) -> bool:
-    level = abs(float(np.median(known)))
-    named = split_heading(heading)[0].lower() in ("lat", "lon")
-    return named and level > _UNITISED and float(np.ptp(known)) < 0.05 * level
+    named, level = split_heading(heading)[0].lower(), abs(float(np.median(known)))
+    return named in ("lat", "lon") and level > UNITISED and float(np.ptp(known)) < 0.05 * level
 
 
 def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tuple[Column, str]:
@@ -334,32 +332,45 @@ def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tup
 def _control(unit: str | None, known: Real) -> tuple[dict[str, Any], str]:
     """Return a control's unit, trim and range from values (n_known,), and why."""
     middle, size = float(np.median(known)), float(np.max(np.abs(known)))
-    if unit == PULSE or (unit is None and _PULSES[0] <= known.min() and size <= _PULSES[1]):
-        why = f"pulses; trim is their median, range the usual {_PULSE_RANGE:g} us"
-        return {"unit": PULSE, "trim": float(round(middle)), "range": _PULSE_RANGE}, why
-    if unit == "percent" or (unit in (None, "1") and _UNITISED < size <= _PERCENT):
-        return {"unit": "percent"}, f"percent: it reaches {size:.3g}"
-    if size <= _UNITISED and unit in (None, "1"):
-        return {"unit": "1"}, f"without dimension: it reaches {size:.3g}"
-    if unit is not None and UNITS[unit].si == "rad":
-        return {"unit": unit, "trim": middle}, f"in {unit}; 1 is a radian from its median"
-    why = f"as it is, in {unit or 'no known unit'}; 1 is one of it from its median"
-    return {"unit": "1", "trim": middle, "range": 1.0}, f"{why}; it reaches {size:.3g}"
+    pulses, bare = PULSES[0] <= known.min() and size <= PULSES[1], unit in (None, "1")
+    reaches = f"it reaches {size:.3g}"
+    rules: tuple[tuple[bool, dict[str, Any], str], ...] = (
+        (
+            unit == PULSE or (unit is None and pulses),
+            {"unit": PULSE, "trim": float(round(middle)), "range": PULSE_RANGE},
+            f"pulses; trim is their median, range the usual {PULSE_RANGE:g} us",
+        ),
+        (
+            unit == "percent" or (bare and UNITISED < size <= _PERCENT),
+            {"unit": "percent"},
+            f"percent: {reaches}",
+        ),
+        (bare and size <= UNITISED, {"unit": "1"}, f"without dimension: {reaches}"),
+        (
+            unit is not None and UNITS[unit].si == "rad",
+            {"unit": unit, "trim": middle},
+            f"in {unit}; 1 is a radian from its median",
+        ),
+        (
+            True,
+            {"unit": "1", "trim": middle, "range": 1.0},
+            f"as it is, in {unit or 'no known unit'}; 1 is one of it from its median; {reaches}",
+        ),
+    )
+    return next((found, why) for holds, found, why in rules if holds)
 
 
 def _by_size(channel: str, known: Real) -> tuple[str, str]:
     """Return the unit that fits the size of values (n_known,), and why."""
     si, high = CHANNELS[channel].unit, float(np.quantile(np.abs(known), 0.99))
+    level = max(abs(float(np.median(known))), 1e-9)
     if channel == "az":
-        level = abs(float(np.median(known)))
-        unit = min(_GRAVITIES, key=lambda one: abs(math.log(max(level, 1e-9) / _GRAVITIES[one])))
+        unit = min(_GRAVITIES, key=lambda one: abs(math.log(level / _GRAVITIES[one])))
         return unit, f"{unit} by gravity, {level:.3g}"
-    angle = _EULER / 2.0 if channel == "theta" else 2.0 * math.pi
-    limits = {"rad/s": ("deg/s", _FAST), "rad": ("deg", angle)}
-    if si not in limits:
-        return si, "SI, for lack of another word"
-    unit = limits[si][0] if high > limits[si][1] else si
-    return unit, f"{unit} by its size, to {high:.3g}"
+    angle = LARGEST["theta"] if channel == "theta" else 2.0 * math.pi
+    degrees, limit = {"rad/s": ("deg/s", _FAST), "rad": ("deg", angle)}.get(si, ("", 0.0))
+    unit = degrees if high > limit else si
+    return (unit, f"{unit} by its size, to {high:.3g}") if degrees else (si, _UNSAID)
 
 
 def _same_family(seen: tuple[SeenChannel, ...]) -> tuple[SeenChannel, ...]:

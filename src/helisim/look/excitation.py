@@ -5,21 +5,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.note import Option
 from helisim.base.units import window_transforms
+from helisim.ident.local import between
 from helisim.ident.rational import order
 from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding
+from helisim.records.quality import stretches
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
     CHANNELS,
-    IN1,
-    IN2,
     RATES,
+    STICKS,
     VELOCITIES,
     FlightRecord,
 )
@@ -50,7 +50,7 @@ _LEAST_SHARE = 0.1  # of a control's power: what is coherent with less doesn't a
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 _FEEDBACK = 0.5  # partial coherence of control and motion in a closed loop
 _OWN = 0.05  # share of a control's power not explained by its stick
-_OF_OTHERS = {**dict.fromkeys(ATTITUDES, "tf:0/2"), **dict.fromkeys(ACCELERATIONS, "tf:1/1")}
+_OF_OTHERS = {**dict.fromkeys(ATTITUDES, (0, 2)), **dict.fromkeys(ACCELERATIONS, (1, 1))}
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
 
 
@@ -91,7 +91,7 @@ class FoundAnswer:
 
 def excitation(channel: str, time: Real, values: Real) -> FoundExcitation | None:
     """Return a control's main excitation from times and values, (n_time,) each; None at rest."""
-    if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(values)):
+    if _rests(values):
         return None
     inside = _active(time, values)
     x, t, rest = values[inside], time[inside], np.delete(values, inside)
@@ -106,18 +106,22 @@ def excitation(channel: str, time: Real, values: Real) -> FoundExcitation | None
 def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExcitation | None:
     """Return all of a control's motion as one excitation of a kind; None if it rests."""
     time, values = record.time, record[channel] - np.mean(record[channel])
-    if time.size < _LEAST_SAMPLES or np.ptp(values) <= 1e-9 * np.max(np.abs(record[channel])):
+    if _rests(record[channel]):
         return None
-    omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, record.duration / (time.size - 1))
-    low, high = _occupied(omega, values)
+    band = _occupied(record.duration / (time.size - 1), values)
     amplitude = float(np.quantile(np.abs(values), 0.98))
-    return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), low, high, amplitude)
+    return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), *band, amplitude)
 
 
-def _occupied(omega: NDArray, values: Real) -> tuple[float, float]:
-    """Return the band that holds most of a signal's power, rad/s."""
-    power = _power(values)
-    held = np.cumsum(power) / np.sum(power)
+def _rests(values: Real) -> bool:
+    few = values.size < _LEAST_SAMPLES
+    return few or bool(np.ptp(values) <= 1e-9 * np.max(np.abs(values)))
+
+
+def _occupied(step: float, values: Real) -> tuple[float, float]:
+    """Return the band that holds most of a signal's power, rad/s, sampled each `step`, s."""
+    omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, step)
+    held = np.cumsum(_power(values)) / np.sum(_power(values))
     low, high = omega[np.searchsorted(held, _POWER)]
     return float(max(low, omega[1])), float(high)
 
@@ -140,16 +144,14 @@ def _active(time: Real, values: Real) -> slice:
     size = max(round(width / step), 2)
     count = time.size // size
     blocks = values[: count * size].reshape(count, size)
-    low, high = blocks.min(axis=1), blocks.max(axis=1)
-    spans = np.maximum(high[:-1], high[1:]) - np.minimum(low[:-1], low[1:])
+    spans = np.ptp(np.concatenate([blocks[:-1], blocks[1:]], axis=1), axis=1)
     quiet, most = np.quantile(spans, (0.1, 0.9)) if spans.size else (0.0, 0.0)
     floor = quiet if quiet < _QUIET * most else 0.0
     lively = np.flatnonzero(spans > floor + _ACTIVE * (most - floor))
     if not lively.size:
         return slice(0, time.size)
     rests = np.flatnonzero(np.diff(lively) * size * step > max(_REST, 2.0 * width)) + 1
-    run = max(np.split(lively, rests), key=lambda run: run[-1] - run[0])
-    begin, end = int(run[0]), int(run[-1])
+    begin, end = max((run[[0, -1]] for run in np.split(lively, rests)), key=np.ptp).tolist()
     within = slice(begin * size, time.size if end + 2 >= count else (end + 2) * size)
     rest = np.delete(values, within)
     middle = np.median(rest) if rest.size > _REST_SHARE * values.size else np.median(values)
@@ -182,7 +184,7 @@ def _kind(time: Real, values: Real, amplitude: float) -> tuple[Kind, float, floa
     if rising and max(begin, end) > _SPAN * min(begin, end):
         low = found[:2] if begin < end else found[-2:]  # few waves are slow
         return "sweep", float(np.min(low)), max(begin, end)
-    return "motion", *_occupied(2.0 * np.pi * np.fft.rfftfreq(values.size, step), values)
+    return "motion", *_occupied(step, values)
 
 
 def answers(
@@ -204,15 +206,14 @@ def _answer(
 ) -> list[FoundAnswer]:
     step = part.duration / (len(part) - 1)
     omega, cross = _cross_spectra(part.select((excited.channel, output)), step)
-    coherence = _coherence(cross, 0, 1)
+    coherence = between(cross)[0, 1]
     padded = np.pad(coherence, _SMOOTHED // 2, mode="edge" if omega.size else "constant")
     smooth = np.median([padded[k : k + omega.size] for k in range(_SMOOTHED)], axis=0)
     rate = min(1.0 / step, *(rates.get(name, np.inf) for name in (excited.channel, output)))
     high = min(2.0 * np.pi * rate / SAMPLES_A_PERIOD, _BESIDE * excited.high)
     usable = (smooth >= USABLE_COHERENCE) & (omega <= high) & (omega >= excited.low / _BESIDE)
     usable[1:-1] |= usable[:-2] & usable[2:]  # one dip cuts no band
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
-    runs = [(omega[a], omega[b - 1], slice(a, b)) for a, b in zip(edges[::2], edges[1::2])]
+    runs = [(omega[a], omega[b - 1], slice(a, b)) for a, b in stretches(usable)]
     low, high, inside = max(runs, key=lambda run: run[1] / run[0], default=(1.0, 0.0, slice(0)))
     held = _power(part[excited.channel])
     lines = 2.0 * np.pi * np.fft.rfftfreq(len(part), step)
@@ -224,12 +225,10 @@ def _answer(
         or (excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS)
     ):
         return []
-    structure = _OF_OTHERS.get(output)
-    if structure is None:
-        zeros, poles = order(omega[inside], cross[inside, 1, 0] / cross[inside, 0, 0])
-        structure = f"tf:{zeros}/{poles}"
-    mean = float(np.mean(coherence[inside]))
-    return [FoundAnswer(excited.channel, output, float(low), float(high), mean, structure)]
+    known, mean = _OF_OTHERS.get(output), float(np.mean(coherence[inside]))
+    zeros, poles = known or order(omega[inside], cross[inside, 1, 0] / cross[inside, 0, 0])
+    names = excited.channel, output
+    return [FoundAnswer(*names, float(low), float(high), mean, f"tf:{zeros}/{poles}")]
 
 
 def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
@@ -242,32 +241,26 @@ def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
     return np.asarray(omega, np.float64), np.einsum("kfa,kfb->fab", parts, parts.conj())
 
 
-def _coherence(cross: Complex, one: int, other: int) -> Real:
-    """Return the coherence of two signals, (n_freq,); 0 without power."""
-    power = (cross[:, one, one] * cross[:, other, other]).real
-    return np.abs(cross[:, one, other]) ** 2 / np.where(power > 0.0, power, np.inf)
-
-
 def loops(
     record: FlightRecord, found: Sequence[FoundAnswer], rates: Mapping[str, float]
 ) -> list[LogFinding]:
     """Return findings of closed loops; `rates` are each channel's rate as logged, Hz."""
     findings = []
-    for actuator, stick in zip(IN1, IN2):
-        best = next((one for one in found if one.input == actuator), None)
-        if best is None or stick not in record:
+    best = {one.input: one for one in reversed(found)}
+    for actuator, stick in STICKS.items():
+        one = best.get(actuator)
+        if one is None or stick not in record:
             continue
-        columns = record.select((stick, actuator, best.output))
+        columns = record.select((stick, actuator, one.output))
         omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1))
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
-        cross = cross[(omega >= best.low) & (omega <= min(best.high, resolved))]
-        own = 1.0 - _coherence(cross, 0, 1)
+        cross = cross[(omega >= one.low) & (omega <= min(one.high, resolved))]
         scale = np.where(cross[:, 0, 0].real > 0.0, cross[:, 0, 0], np.inf)[:, None, None]
         left = cross - cross[:, :, :1] * cross[:, :1, :] / scale  # without what the stick explains
-        partial = _coherence(left, 1, 2)
-        if partial.size and np.median(own) >= _OWN and np.median(partial) > _FEEDBACK:
+        explained, partial = between(cross)[0, 1], between(left)[1, 2]
+        if partial.size and 1.0 - np.median(explained) >= _OWN and np.median(partial) > _FEEDBACK:
             text = (
-                f"{actuator} follows {best.output} besides {stick} (partial coherence "
+                f"{actuator} follows {one.output} besides {stick} (partial coherence "
                 f"{float(np.median(partial)):.2f}): a loop is closed, which biases responses to "
                 f"{actuator}; name {stick}, which is outside of it, as the reference"
             )

@@ -10,6 +10,7 @@ from typing import Any
 from helisim.base.errors import InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
+from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
@@ -18,6 +19,7 @@ from helisim.look.excitation import (
     SAMPLES_A_PERIOD,
     WINDOWS,
     FoundExcitation,
+    Kind,
     answers,
     excitation,
     loops,
@@ -25,7 +27,8 @@ from helisim.look.excitation import (
 )
 from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
-from helisim.records.record import ATTITUDES, IN1, IN2, RATES
+from helisim.records.record import IN1, IN2, RATES, STICKS
+from helisim.records.turning import ANGLES
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
@@ -40,9 +43,7 @@ _HELICOPTER = {
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
 _FLOWN, _FLOWN_TO = 90.0, 30.0  # s and rad/s of the sweep to fly where a log shows nothing
 _BEFORE, _AFTER = 2.0, 8.0  # s around one event, in which it is at rest and answered
-_STICK: dict[str, str] = dict(zip(IN1, IN2))
-_ANGLE: dict[str, str] = dict(zip(RATES, ATTITUDES))
-_AXIS = {name: name for name in IN1} | {stick: name for name, stick in _STICK.items()}
+_AXIS = {one: name for name, stick in STICKS.items() for one in (name, stick)}
 
 
 @dataclass(frozen=True)
@@ -138,28 +139,17 @@ def _looked(log: LogLook) -> LogLook:
         return replace(log, sweeps=swept, findings=said)
     record = max(log.records, key=lambda one: one.duration)
     rates = {one.name: one.rate for one in log.channels}
-    moved = [excitation(name, record.time, record[name]) for name in CONTROLS if name in record]
-    excited = _main([one for one in moved if one is not None])
+    there = [name for name in CONTROLS if name in record]
+    excited = _main(excitation(name, record.time, record[name]) for name in there)
     found, said = answers(record, excited, rates), list(log.findings)
     if not found:  # what moved for a short while may have moved all along
         events = {one.channel: one for one in excited if one.kind != "motion"}
-        every = (
-            whole(record, name, events[name].kind if name in events else "motion")
-            for name in CONTROLS
-            if name in record
-        )
-        excited = _main([one for one in every if one is not None])
+        kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
+        excited = _main(whole(record, name, kinds.get(name, "motion")) for name in there)
         found = answers(record, excited, rates)
         if found and found[0].input in events:
-            excited, one = tuple(events.values()), events[found[0].input]
-            others = ", ".join(name for name in events if name != one.channel)
-            text = (
-                f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
-                + f"; {others} moved then, too, whose part can't be told from it" * bool(others)
-            )
-            limits = (max(one.start - _BEFORE, 0.0), one.stop + _AFTER)
-            cut = tuple(Option(name, f"{at:.4g}") for name, at in zip(("from", "to"), limits))
-            said.append(LogFinding("event", text, cut))
+            excited = tuple(events.values())
+            said.append(_event(events.pop(found[0].input), tuple(events)))
     said += loops(record, found, rates)
     if not found:
         text = "no control moves, or no column looks like one: say which of those not used is"
@@ -171,12 +161,23 @@ def _looked(log: LogLook) -> LogLook:
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
 
 
+def _event(one: FoundExcitation, others: Sequence[str]) -> LogFinding:
+    """Return how to take a control's single event by itself, where others moved, too."""
+    text = (
+        f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
+        + f"; {', '.join(others)} moved then, too, whose part can't be told from it" * bool(others)
+    )
+    limits = (max(one.start - _BEFORE, 0.0), one.stop + _AFTER)
+    cut = tuple(Option(name, f"{at:.4g}") for name, at in zip(("from", "to"), limits))
+    return LogFinding("event", text, cut)
+
+
 def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
     """Return what to fly in place of a log that shows nothing."""
     there = [one.name for one in log.channels if one.name in CONTROLS]
     axes = dict.fromkeys(_AXIS[one] for one in [one.channel for one in excited] or there or IN1)
     least = math.ceil(_FLOWN_TO * SAMPLES_A_PERIOD / (2.0 * math.pi))
-    mine = [one for one in log.channels if one.name in (*CONTROLS, *RATES) and one.rate < least]
+    mine = (one for one in log.channels if one.name in (*CONTROLS, *RATES) and one.rate < least)
     slow = ", ".join(f"{one.name} {one.rate:.3g}" for one in mine)
     text = (
         f"fly instead a sweep of {' and one of '.join(axes)}, thrice, of {_FLOWN:g} s from "
@@ -188,7 +189,9 @@ def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
     return LogFinding("fly", text)
 
 
-def _main(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation, ...]:
+def _main(moved: Iterable[FoundExcitation | None]) -> tuple[FoundExcitation, ...]:
+    """Return the excitations that are as large as the others of their kind, in their place."""
+    found = [one for one in moved if one is not None]
     axes = {_AXIS[one.channel] for one in found if one.kind != "motion"}
     shaped = [one for one in found if _AXIS[one.channel] in axes] or found
     kept = []
@@ -209,37 +212,36 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         return None
     structure, inputs, outputs = _choice(usable)
     used = [one for one in usable if any(a.input in inputs for a in one.answers)]
-    options: list[tuple[str, tuple[str, ...]]] = [("structure", (structure,))]
-    if structure.startswith("tf:"):
-        used = used[:1] if len({one.format for one in used}) > 1 else used
-        options += [("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))]
+    transfer = structure.startswith("tf:")
+    if transfer and len({one.format for one in used}) > 1:
+        used = used[:1]
     # the sticks, where a loop is closed and all were excited
-    sticks = tuple(_STICK.get(name, "") for name in inputs)
+    sticks = tuple(STICKS.get(name, "") for name in inputs)
     said = (one for looked_at in used for one in looked_at.findings if one.kind == "loop")
     closed = {one.option.value for one in said if one.option}
     excited = {one.channel for looked_at in used for one in looked_at.excitations}
     sticks = sticks if closed & set(sticks) and set(sticks) <= excited else ()
     seen = {one.name: one for one in used[0].channels}
-    angles = ((seen.get(_ANGLE.get(name, "")), seen[name].clock) for name in outputs)
+    angles = ((seen.get(ANGLES.get(name, "")), seen[name].clock) for name in outputs)
     known = [one.name for one, clock in angles if one and not one.sized and one.clock == clock]
     names = (*inputs, *outputs, *sticks, *known)  # angles tell a wrong clock or unit of rates
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
     if not used:
         return None
-    if any(one.format != OURS for one in used):
-        options += [("channel", (seen[name].column.option(name).value,)) for name in names]
-    options += [("reference", (",".join(sticks),))] if sticks else []
-    taken = dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options)
-    for one in used:
-        if len(one.durations) < len(one.records):
-            taken["min_duration", (f"{SHORT * max(one.durations):.2g}",)] = None
-    options += taken
+    columns = names if any(one.format != OURS for one in used) else ()
     cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
-    if len(used) == 1 and cut:
-        options += [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
-    else:
-        low, high = _band(used, inputs, outputs)
-        options.append(("band", (f"{low:.2g}", f"{high:.2g}")))
+    event = [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
+    low, high = _band(used, inputs, outputs)
+    short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
+    options: list[tuple[str, tuple[str, ...]]] = [
+        ("structure", (structure,)),
+        *[("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] * transfer,
+        *(("channel", (seen[name].column.option(name).value,)) for name in columns),
+        *[("reference", (",".join(sticks),))] * bool(sticks),
+        *dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options),
+        *dict.fromkeys(("min_duration", (f"{SHORT * longest:.2g}",)) for longest in short),
+        *(event if len(used) == 1 and event else [("band", (f"{low:.2g}", f"{high:.2g}"))]),
+    ]
     return Proposal("identify", tuple(one.path for one in used), tuple(options))
 
 
@@ -265,7 +267,6 @@ def _band(
     """Return the band in which any response is coherent and the records resolve it, rad/s."""
     mine = [a for one in used for a in one.answers if a.input in inputs and a.output in outputs]
     durations = [duration for one in used for duration in one.durations]
-    window = min(min(durations) / 2.0, sum(durations) / 5.0)
-    low = max(min(a.low for a in mine), 1.02 * 2.0 * math.pi / window)
+    low = max(min(a.low for a in mine), 1.02 * lowest_line(durations))
     digits = 1 - math.floor(math.log10(low))
     return math.ceil(low * 10.0**digits) / 10.0**digits, max(a.high for a in mine)

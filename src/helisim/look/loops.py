@@ -14,7 +14,7 @@ from helisim.base.errors import LogError
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.sweeps import FlownSweep, sweeps, usual_step
+from helisim.look.sweeps import FlownSweep, sweeps, usual_step, within
 from helisim.records.missing import completed, in_gaps, told
 from helisim.records.record import Channel, FlightRecord
 
@@ -43,14 +43,16 @@ class FlownLoops:
     remarks: tuple[str, ...]
 
     def __str__(self) -> str:
+        fields = {cut.axis: _FIELDS[cut.axis] for cut in self.cuts}
         lines = [
-            line for path, found in self.logs.items() for line in (f"{path}:", *map(str, found))
+            *(one for path, found in self.logs.items() for one in (f"{path}:", *map(str, found))),
+            "cut at the actuators, where 1 is full command of the mixer:",
+            *(
+                f"  {axis}: goes on = RATE.{output}, injected = SIDD.Targ, a tick later, comes "
+                f"back = {pid}'s {', '.join(_TERMS)}"
+                for axis, (output, pid, _) in fields.items()
+            ),
         ]
-        lines.append("cut at the actuators, where 1 is full command of the mixer:")
-        for axis in (cut.axis for cut in self.cuts):
-            output, pid, _ = _FIELDS[axis]
-            said = f"injected = SIDD.Targ, a tick later, comes back = {pid}'s {', '.join(_TERMS)}"
-            lines.append(f"  {axis}: goes on = RATE.{output}, {said}")
         return "\n".join(lines)
 
     def margins(self, **options: Any) -> MeasuredMargins:
@@ -73,15 +75,13 @@ def flown_loops(
     Sweeps are from `start` to `stop`, s after a log's first stamp. Raises LogError.
     """
     paths = [logs] if isinstance(logs, str | PathLike) else list(logs)
-    limits = (-np.inf if start is None else start, np.inf if stop is None else stop)
     flown: dict[str, tuple[FlownSweep, ...]] = {}
     records: list[FlightRecord] = []
     remarks: list[str] = []
     gains: set[frozenset[tuple[str, float]]] = set()
     for path in map(Path, paths):
         log = open_dataflash(path, file_digest(path))
-        every = sweeps(log, "axis,injected,total,channel")
-        mine = [one for one in every if limits[0] <= one.start and one.stop <= limits[1]]
+        mine = within(sweeps(log, "axis,injected,total,channel"), start, stop)
         remarks += filter(None, map(_cuts_none, mine))
         used = flown[str(path)] = tuple(one for one in mine if not _cuts_none(one))
         records += _records(log, used, remarks) if used else ()
@@ -146,8 +146,8 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
         names = (f"{axis}_disturbance", f"{axis}_sum", axis)
         channels = tuple(Channel(name, "1", "OTHER") for name in names)
         steps = np.arange(time.size, dtype=np.float64) * period
-        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
-        made |= {"missing": told(steps, names, gone)} if gone.any() else {}
+        lost = {"missing": told(steps, names, gone)} if gone.any() else {}
+        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict(), **lost}
         found.append(FlightRecord(steps, values, channels, made))
         if aims is not None and aim in aims.columns:
             here = (aims.time >= time[0]) & (aims.time <= time[-1])

@@ -10,8 +10,7 @@ import numpy as np
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import setting, to_plain
-from helisim.base.units import is_unit
-from helisim.logs.mapping import REPAIRS, Clock, Column, Map
+from helisim.logs.mapping import REPAIRS, Clock, Map, own_column
 from helisim.logs.read import is_ours, open_source, read_as
 from helisim.logs.report import OURS, Findings, LogFinding
 from helisim.logs.source import Source
@@ -26,7 +25,7 @@ _ATTEMPTS = 4  # readings, each with the options that the last one asked for
 _FASTEST = 200.0  # Hz, at which channels of several clocks are looked at, at most
 _SHOWN = 8  # unused columns that are printed
 _BEST = 4  # responses to a control that are printed
-_QUIET = ("spikes", "frozen", "lost samples", "event")  # findings that are only noted
+_QUIET = ("spikes", "frozen", "event")  # findings that are only noted
 
 
 @dataclass(frozen=True)
@@ -71,32 +70,38 @@ class LogLook:
     def worded(self, word: Callable[[LogFinding], str]) -> str:
         """Return the findings as text, each worded by `word`."""
         parts = f" in {len(self.records)} parts" if len(self.records) > 1 else ""
-        lines = [f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used"]
         ours = [one.name for one in self.channels if one.why == AS_RECORDED]
-        lines += map(str, self.clocks)
-        lines += [f"channels, as recorded: {', '.join(ours)}"] if ours else []
-        lines += [str(one) for one in self.channels if one.why != AS_RECORDED]
-        if self.unused:
-            more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
-            lines.append(f"not used: {', '.join(self.unused[:_SHOWN])}{more}")
-        lines += map(str, (*self.sweeps, *self.excitations))
-        for control in dict.fromkeys(one.input for one in self.answers):
-            mine = [str(one) for one in self.answers if one.input == control]
-            shown = ", ".join(mine[:_BEST])
-            lines.append(f"coherent with {control}, rad/s (mean coherence): {shown}")
-        for one in self.findings:
-            urgent = one.remedy and not one.repaired and one.kind not in _QUIET
-            lines.append(f"{'!: ' if urgent else 'note: '}{word(one)}")
+        more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
+        found: dict[str, list[str]] = {}
+        for one in self.answers:
+            found.setdefault(one.input, []).append(str(one))
+        lines = [
+            f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used",
+            *map(str, self.clocks),
+            *[f"channels, as recorded: {', '.join(ours)}"] * bool(ours),
+            *(str(one) for one in self.channels if one.why != AS_RECORDED),
+            *[f"not used: {', '.join(self.unused[:_SHOWN])}{more}"] * bool(self.unused),
+            *map(str, (*self.sweeps, *self.excitations)),
+            *(
+                f"coherent with {control}, rad/s (mean coherence): {', '.join(mine[:_BEST])}"
+                for control, mine in found.items()
+            ),
+            *(f"{'!' if _urgent(one) else 'note'}: {word(one)}" for one in self.findings),
+        ]
         return "\n  ".join(lines)
+
+
+def _urgent(one: LogFinding) -> bool:
+    return bool(one.remedy) and not one.repaired and one.kind not in _QUIET
 
 
 def opened(path: Path, map_: Map, options: Options) -> LogLook:
     """Open a log and read what can be read. Raises StorageError, InputError."""
     if not map_.channels and is_ours(path):
         return _ours(path, options)
-    source, time = open_source(path, map_), map_.time
+    source = open_source(path, map_)
     findings = Findings(source.findings)
-    clocks = _clocks(source, time, findings)
+    clocks = _clocks(source, map_.time, findings)
     seen = guess(source, map_.channels, clocks)
     moving = {one.name: one for one in seen if one.moves}
     used = {one.clock.name: one.clock for one in moving.values() if one.clock}
@@ -131,11 +136,9 @@ def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> Lo
 
 def _written(map_: Map) -> tuple[Option, ...]:
     """Return the options which say how a file is written."""
-    time, names = map_.time, ",".join(map_.file.names)
-    said = [Option("names", names)] if names else []
-    if time is not None and time.column:
-        said.append(Option("time", f"{time.column}:{time.unit or ''}".removesuffix(":")))
-    return tuple(said)
+    time, names = map_.time or Clock(rate=1.0), ",".join(map_.file.names)
+    said = {"names": names, "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":")}
+    return tuple(Option(name, value) for name, value in said.items() if value)
 
 
 def _ours(path: Path, options: Options) -> LogLook:
@@ -147,14 +150,7 @@ def _ours(path: Path, options: Options) -> LogLook:
     clock = SeenClock.of("time", record.time)
     of_flight = [one for one in record.channels if one.kind in ("IN1", "IN2", "OUT")]
     seen = tuple(
-        SeenChannel(
-            one.name,
-            Column(one.name, one.unit if is_unit(one.unit) else None),
-            AS_RECORDED,
-            clock,
-            float(record[one.name].min()),
-            float(record[one.name].max()),
-        )
+        SeenChannel.of(one.name, own_column(one), AS_RECORDED, clock, record[one.name])
         for one in of_flight
     )
     unused = tuple(one.name for one in record.channels if one not in of_flight)
@@ -182,27 +178,17 @@ def _read(path: Path, map_: Map | None, options: Options, rate: float | None = N
     """Read a log; if refused, again with the options that the error proposes; `rate` in Hz."""
     said: dict[str, LogFinding] = {}
     for _ in range(_ATTEMPTS):
+        asked = replace(options, resample_hz=options.resample_hz or rate)
         try:
-            log = read_as(
-                path, map_, None, replace(options, resample_hz=options.resample_hz or rate)
-            )
+            log = read_as(path, map_, None, asked)
             log.check_uniform()
-        except LogError as error:
-            said |= {one.text: one for one in error.findings}
-            before = options
-            for one in (one for finding in error.findings for one in finding.remedy):
-                match one:
-                    case Option("repair", value) if value in REPAIRS:
-                        options = replace(options, repair=(*options.repair, value))
-                    case Option("resample", value) if options.resample_hz is None:
-                        options = replace(options, resample_hz=float(value))
-                    case Option("max_gap", value) if options.max_gap is None:
-                        options = replace(options, max_gap=float(value))
+        except HelisimError as error:
+            own = LogFinding("refused", str(error), error.remedy)
+            found = error.findings if isinstance(error, LogError) else (own,)
+            said |= {one.text: one for one in found}
+            before, options = options, _mended(options, found)
             if options == before:
                 break
-        except HelisimError as error:
-            said[str(error)] = LogFinding("refused", str(error), error.remedy)
-            break
         else:
             mended = () if map_ is None else ("repair", "resample")
             noted = [
@@ -216,3 +202,17 @@ def _read(path: Path, map_: Map | None, options: Options, rate: float | None = N
             taken += [Option(name, f"{one:g}") for name, one in given.items() if one is not None]
             return log.records, (*said.values(), *noted), tuple(taken)
     return (), tuple(said.values()), ()
+
+
+def _mended(options: Options, found: Sequence[LogFinding]) -> Options:
+    """Return options with what findings propose, where nothing was said of it."""
+    asked = [one for finding in found for one in finding.remedy if isinstance(one, Option)]
+    repairs = [one.value for one in asked if one.name == "repair" and one.value in REPAIRS]
+    numbers = [one for one in asked if one.name in ("resample", "max_gap") and one.value]
+    first = {one.name: float(one.value) for one in reversed(numbers)}
+    return replace(
+        options,
+        repair=(*options.repair, *repairs),
+        resample_hz=options.resample_hz or first.get("resample"),
+        max_gap=options.max_gap or first.get("max_gap"),
+    )

@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,10 @@ from helisim.base.arrays import Real
 from helisim.base.errors import LogError
 from helisim.base.note import Remedy
 from helisim.base.text import shown
+from helisim.base.units import unit
 from helisim.logs.dataflash import DataFlash, is_dataflash, open_dataflash
 from helisim.logs.source import file_digest
+from helisim.records.record import Channel
 
 Spans = Sequence[tuple[float, float]]
 
@@ -34,6 +35,12 @@ class SidAxis:
     def name(self) -> str:
         """Channel of the injected signal, such as "mixer_roll"."""
         return f"{self.place}_{self.word}"
+
+    @property
+    def channel(self) -> Channel:
+        """The injected signal."""
+        said = f"injected by SID_AXIS {self.number}"
+        return Channel(self.name, unit(self.unit).si, "OTHER", said)
 
     @property
     def identifies(self) -> bool:
@@ -115,6 +122,14 @@ class FlownSweep:
         )
 
 
+def within(
+    found: Sequence[FlownSweep], start: float | None, stop: float | None
+) -> tuple[FlownSweep, ...]:
+    """Return the sweeps from `start` to `stop`, s after the log's first stamp."""
+    low, high = -math.inf if start is None else start, math.inf if stop is None else stop
+    return tuple(one for one in found if low <= one.start and one.stop <= high)
+
+
 def own_sweeps(path: Path) -> tuple[FlownSweep, ...]:
     """Return the sweeps that a log states, none for other logs. Raises StorageError."""
     try:
@@ -137,11 +152,12 @@ def sweeps(
             remedy=remedy,
         )
     data = log.table("SIDD")
-    columns = np.column_stack([np.asarray(data[name], np.float64) for name in _FIELDS])
-    edges = [0, *(np.flatnonzero(np.diff(columns[:, 0]) < 0.0) + 1).tolist(), len(data)]
+    columns = np.column_stack(
+        [data.time, *(np.asarray(data[name], np.float64) for name in _FIELDS)]
+    )
     ended, found = _ends(log), []
-    for low, high in pairwise(edges):
-        time, rows = data.time[low:high], columns[low:high]
+    for part in np.split(columns, np.flatnonzero(np.diff(columns[:, 1]) < 0.0) + 1):
+        time, rows = part[:, 0], part[:, 1:]
         start = float(np.median(time - rows[:, 0])) if time.size else 0.0
         setup = _setup(log, start, rows)
         if time.size > 1 and setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
@@ -182,11 +198,10 @@ def _sweep(
     planned = start + _DELAY + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
     end, complete = min(stop, logged), min(stop, logged) >= planned - 0.5 * fade
+    said = shown(why) if stop <= logged + _DELAY and why else "the log of it ends"
+    why = f"ended after {end - start:.3g} of {length + _DELAY:.3g} s: {said}"
     if complete:
         end, why = max(min(planned + _AFTER, end), planned - 0.5 * fade), "complete"
-    else:
-        said = shown(why) if stop <= logged + _DELAY and why else "the log of it ends"
-        why = f"ended after {end - start:.3g} of {length + _DELAY:.3g} s: {said}"
     used = (time <= min(end, planned - fade)) & (frequency >= _RANGE[0]) & (frequency <= _RANGE[1])
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
     band = float(flown.min()), float(flown.max())

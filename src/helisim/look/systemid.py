@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import chain
@@ -15,15 +15,10 @@ from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.units import STANDARD_GRAVITY, unit
-from helisim.ident import (
-    CrossControlWarning,
-    FrequencyResponse,
-    RecordQualityWarning,
-    Structure,
-    identify,
-)
-from helisim.ident.frf import ClosedLoopWarning, frequency_response
+from helisim.base.units import STANDARD_GRAVITY
+from helisim.ident import FrequencyResponse, Structure, identify
+from helisim.ident.frf import FlagWarning, frequency_response
+from helisim.ident.windows import lowest_line
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.mapping import Column, Map
 from helisim.logs.read import from_source
@@ -31,7 +26,7 @@ from helisim.logs.report import Log
 from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
 from helisim.logs.timing import Options
-from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step
+from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step, within
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
@@ -43,7 +38,6 @@ from helisim.records.record import (
 
 Band = tuple[float, float]
 _FAST = 0.5  # of SIDD's rate: a message that is slower than that is no good beside it
-_INJECTED = "injected"
 _YAW, _SENT = "RATE.YOut", "RATE.YOut as sent"
 _TAIL, _SERVOS = 36, 32  # SERVOn_FUNCTION of a helicopter's tail, and how many servos there are
 _FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
@@ -122,7 +116,6 @@ _FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is 
 _OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
 _STEP = 1.3  # from one lower edge of a band to the next
 _OCTAVES = 3.0  # that a band must still span
-_OF_FLAGS = (CrossControlWarning, RecordQualityWarning, ClosedLoopWarning)
 
 
 @dataclass(frozen=True)
@@ -205,8 +198,7 @@ class Inferred:
     @property
     def injected(self) -> tuple[SidAxis, ...]:
         """Axes of the used sweeps."""
-        axes = {one.axis: one.sid_axis for one in self.used}
-        return tuple(axes[number] for number in sorted(axes))
+        return tuple(sorted({one.sid_axis for one in self.used}, key=lambda axis: axis.number))
 
     @property
     def channels(self) -> frozenset[str]:
@@ -217,13 +209,14 @@ class Inferred:
     @property
     def bands(self) -> dict[str, Band]:
         """Control -> the band in which it was swept, rad/s."""
-        found: dict[str, Band] = {}
+        swept: dict[str, list[FlownSweep]] = {}
         for one in self.used:
-            name = one.sid_axis.control
-            low, high = found.get(name, (math.inf, 0.0))
-            if name in self.channels:
-                found[name] = min(low, one.low), max(high, one.high)
-        return found
+            swept.setdefault(one.sid_axis.control, []).append(one)
+        return {
+            name: (min(one.low for one in of), max(one.high for one in of))
+            for name, of in swept.items()
+            if name in self.channels
+        }
 
     def fit(
         self,
@@ -249,9 +242,11 @@ class Inferred:
                 f"{', '.join(bands) or 'none'}"
             )
         lasts = [one.stop - one.start for one in self.used]
-        lowest = 1.001 * 2.0 * math.pi / min(min(lasts) / 2.0, sum(lasts) / 5.0)
-        fastest = PASSBAND * math.pi * (self.sampling.resample_hz or 0.0)
-        lows, highs = zip((lowest, fastest), *(bands[name] for name in inputs))
+        resolved = (
+            1.001 * lowest_line(lasts),
+            PASSBAND * math.pi * (self.sampling.resample_hz or 0.0),
+        )
+        lows, highs = zip(resolved, *(bands[name] for name in inputs))
         low, high = max(lows), min(highs)
         if not low < high:
             raise InputError(
@@ -294,50 +289,55 @@ class Inferred:
             place = imu_place(log.parameters()) if _SIDE in wanted else None
             columns = {c.name: c.column for c in one.channels if c.name in wanted}
             for sweep in one.used:
-                columns[_INJECTED] = Column("SIDD.Targ", sweep.sid_axis.unit, meaning="injected")
+                axis = sweep.sid_axis
+                injected = {axis.name: Column("SIDD.Targ", axis.unit, meaning=axis.channel.meaning)}
                 options = replace(self.sampling, start=sweep.start, stop=sweep.stop)
-                part = from_source(source, Map(columns), digest, options)
-                records = tuple(self._named(record, sweep, place) for record in part.records)
+                part = from_source(source, Map(columns | injected), digest, options)
+                records = tuple(self._completed(record, sweep, place) for record in part.records)
                 found.append(replace(part, records=records))
             if on_progress is not None:
                 on_progress(path.name)
         return tuple(found)
 
-    def _named(
+    def _completed(
         self, record: FlightRecord, sweep: FlownSweep, place: Sequence[float] | None
     ) -> FlightRecord:
-        keep = [name != _INJECTED for name in record.names]
-        added = [record[_INJECTED] * (axis.number == sweep.axis) for axis in self.injected]
-        channels = [one for one in record.channels if one.name != _INJECTED]
-        channels += [
-            Channel(axis.name, unit(axis.unit).si, "OTHER", f"injected by SID_AXIS {axis.number}")
-            for axis in self.injected
+        """Return a sweep's record with all injected signals, and the side acceleration."""
+        own = [one for one in record.channels if one.name != sweep.sid_axis.name]
+        channels = [*own, *(axis.channel for axis in self.injected)]
+        of_sweep = [
+            record[sweep.sid_axis.name] * (axis == sweep.sid_axis) for axis in self.injected
         ]
-        if place is not None:
-            added.append(side_acceleration(record, place))
-            channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
-        values = np.column_stack([record.values[:, keep], *added])
+        columns = [*(record[one.name] for one in own), *of_sweep]
         facts = {**record.provenance, "sweep": sweep.to_dict()}
-        if spans := dict(record.provenance.get("missing", {})):
-            injected, of_side = spans.pop(_INJECTED, None), [spans.get(one, ()) for one in _SIDE_OF]
-            side = [*chain.from_iterable(of_side)] if place is not None else []
-            more = dict.fromkeys((axis.name for axis in self.injected), injected) | {_SIDE: side}
-            facts["missing"] = spans | {name: one for name, one in more.items() if one}
-        return FlightRecord(record.time, values, tuple(channels), facts)
+        if place is not None:
+            columns.append(side_acceleration(record, place))
+            channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
+            spans = record.provenance.get("missing", {})
+            lost = [*chain.from_iterable(spans.get(one, ()) for one in _SIDE_OF)]
+            facts |= {"missing": {**spans, _SIDE: lost}} if lost else {}
+        return FlightRecord(record.time, np.column_stack(columns), tuple(channels), facts)
 
     def __str__(self) -> str:
         used = {n for fit in self.fits for n in (*fit.inputs, *fit.outputs, *fit.conditioning)}
         used |= set(_SIDE_OF) if _SIDE in used else set()
-        lines = [str(log) for log in self.logs]
         taken = [one for log in self.logs for one in log.channels]
-        lines += ["channels:", *dict.fromkeys(f"  {one}" for one in taken if one.name in used)]
-        lines += [f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] if _SIDE in used else []
         rest = dict.fromkeys(one.name for one in taken if one.name not in used)
-        lines += [f"  there are also {', '.join(rest)}"] if rest else []
-        for axis in self.injected:
-            lines.append(f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}")
-        lines += ["fits:", *(f"  {one}" for one in self.fits)]
-        return "\n".join([*lines, *(f"note: {one}" for one in self.diagnostics)])
+        lines = [
+            *map(str, self.logs),
+            "channels:",
+            *dict.fromkeys(f"  {one}" for one in taken if one.name in used),
+            *[f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] * (_SIDE in used),
+            *[f"  there are also {', '.join(rest)}"] * bool(rest),
+            *(
+                f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}"
+                for axis in self.injected
+            ),
+            "fits:",
+            *(f"  {one}" for one in self.fits),
+            *(f"note: {one}" for one in self.diagnostics),
+        ]
+        return "\n".join(lines)
 
 
 def infer(
@@ -371,8 +371,7 @@ def infer(
     paths = [logs] if isinstance(logs, str | Path) else list(logs)
     if not paths:
         raise InputError("no logs were given; expected at least one file")
-    limits = (-math.inf if start is None else start, math.inf if stop is None else stop)
-    found = tuple(_inferred(Path(path), Map.of(channels).channels, limits) for path in paths)
+    found = tuple(_inferred(Path(one), Map.of(channels).channels, start, stop) for one in paths)
     used = [one for log in found for one in log.used]
     if not used:
         every = [one for log in found for one in log.sweeps]
@@ -390,14 +389,14 @@ def infer(
     )
     helicopters = all(log.helicopter for log in found)
     fits: list[InferredFit] = []
+    free = set(made.bands)  # controls that no fit has yet
     for structure, inputs, outputs, reason in _HELI if helicopters else _OTHERS:
-        taken = {name for fit in fits for name in fit.inputs}
-        there = made.channels.issuperset(outputs) and set(inputs) <= set(made.bands)
-        if there and not taken & set(inputs):
+        if made.channels.issuperset(outputs) and free.issuperset(inputs):
             fit = made.fit(structure, inputs, outputs, reason)
             # without side velocity the next structure is honest
-            if not helicopters or structure != "yaw_base" or _SIDE in fit.conditioning:
+            if structure != "yaw_base" or _SIDE in fit.conditioning:
                 fits.append(fit)
+                free.difference_update(inputs)
     said = [one for log in found for one in _diagnostics(log, rate)]
     if not helicopters:
         said.append(
@@ -407,10 +406,12 @@ def infer(
     return replace(made, fits=tuple(fits), diagnostics=tuple(dict.fromkeys(said)))
 
 
-def _inferred(path: Path, given: Mapping[str, Column], limits: Band) -> InferredLog:
+def _inferred(
+    path: Path, given: Mapping[str, Column], start: float | None, stop: float | None
+) -> InferredLog:
     log = open_dataflash(path, file_digest(path))
     every, parameters = sweeps(log), log.parameters()
-    mine = tuple(one for one in every if limits[0] <= one.start and one.stop <= limits[1])
+    mine = within(every, start, stop)
     if not mine:
         spans = ", ".join(f"{one.start:.1f} to {one.stop:.1f}" for one in every)
         text = f"{path}: no sweep lies within the limits; they are from {spans} s after the log's"
@@ -437,19 +438,19 @@ def _chosen_channels(
         return float(f"{1.0 / step:.3g}") if step > 0.0 else 0.0
 
     sent = tail_servo(log.parameters())
-    taken = {
-        name: TakenChannel(name, column, rate(column.column.partition(".")[0]), "given")
-        for name, column in given.items()
-    }
+    known = [(name, column, "given") for name, column in given.items()]
     for name, column, given_in, why in _CANDIDATES:
         message, _, field = column.partition(".")
         fast = message in log and rate(message) >= _FAST * rate("SIDD")
-        if name in taken or not fast or field not in log.table(message).columns:
-            continue
-        if column == _YAW and sent is not None:
-            column, why = _SENT, _SENT_WHY.format(*sent)
-        mapped = Column(column, given_in, trim=_MIDDLE.get(name))
-        taken[name] = TakenChannel(name, mapped, rate(message), why)
+        if fast and field in log.table(message).columns:
+            if sent and column == _YAW:
+                column, why = _SENT, _SENT_WHY.format(*sent)
+            known.append((name, Column(column, given_in, trim=_MIDDLE.get(name)), why))
+    taken: dict[str, TakenChannel] = {}
+    for name, column, why in known:  # the first of a channel is the best
+        taken.setdefault(
+            name, TakenChannel(name, column, rate(column.column.partition(".")[0]), why)
+        )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
             f"{log.path}: no RATE messages beside the sweeps, which say what the mixer was "
@@ -493,39 +494,44 @@ def side_acceleration(record: FlightRecord, place: Sequence[float]) -> Real:
     return felt - place[0] * r + place[2] * p
 
 
-def _diagnostics(log: InferredLog, rate: float) -> Iterator[str]:
-    """Yield notes on a log read at a rate, Hz."""
-    if log.dropped > _DROPPED:
-        yield (
+def _diagnostics(log: InferredLog, rate: float) -> list[str]:
+    """Return notes on a log read at a rate, Hz."""
+    shown, have = PASSBAND * math.pi * rate, {one.name for one in log.channels}
+    corner = 2.0 * math.pi * log.parameters.get("INS_GYRO_FILTER", 0.0)
+    late = 1e3 * math.sqrt(2.0) / corner if corner > 0.0 else 0.0
+    behind = ",".join(one.name for one in log.channels if one.why == _FILTERED)
+    x, y, z = imu_place(log.parameters)
+    yawed = any(one.sid_axis.control == "ped" for one in log.used)
+    notes = (
+        (
+            log.dropped > _DROPPED,
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "
             "sweeps were flown; they count as missing, and errors hold what that costs: log fewer "
-            "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)"
-        )
-    shown = PASSBAND * math.pi * rate
-    if any(one.high > shown for one in log.used):
-        yield (
+            "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)",
+        ),
+        (
+            any(one.high > shown for one in log.used),
             f"{log.path}: its messages, {rate:.4g} Hz, show {shown:.3g} rad/s, and sweeps go on: "
-            "set LOG_BITMASK's bits 0 and 1 to log every loop"
-        )
-    corner = 2.0 * math.pi * log.parameters.get("INS_GYRO_FILTER", 0.0)
-    behind = ",".join(one.name for one in log.channels if one.why == _FILTERED)
-    if behind and corner > 0.0:
-        yield (
+            "set LOG_BITMASK's bits 0 and 1 to log every loop",
+        ),
+        (
+            behind and late,
             f"{behind} are behind the gyro's filter, INS_GYRO_FILTER, which delays by "
-            f"{1e3 * math.sqrt(2.0) / corner:.2g} ms; take it out, as known: "
-            f"{behind}=low_pass:corner={corner:.4g},order=2"
-        )
-    arm, have = imu_place(log.parameters), {one.name for one in log.channels}
-    if any(arm) and not have.isdisjoint(ACCELERATIONS):
-        yield (
-            f"the accelerometer sits at {arm[0]:g}, {arm[1]:g}, {arm[2]:g} m (INS_POS1): its "
-            f"acceleration isn't moved to the centre of gravity, but for {_SIDE}"
-        )
-    elif have.issuperset(_SIDE_OF) and any(one.sid_axis.control == "ped" for one in log.used):
-        yield (
+            f"{late:.2g} ms; take it out, as known: "
+            f"{behind}=low_pass:corner={corner:.4g},order=2",
+        ),
+        (
+            (x or y or z) and not have.isdisjoint(ACCELERATIONS),
+            f"the accelerometer sits at {x:g}, {y:g}, {z:g} m (INS_POS1): its "
+            f"acceleration isn't moved to the centre of gravity, but for {_SIDE}",
+        ),
+        (
+            not (x or y or z) and have.issuperset(_SIDE_OF) and yawed,
             f"{log.path}: INS_POS1 is 0, so the accelerometer is taken to sit at the centre of "
-            "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm"
-        )
+            "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm",
+        ),
+    )
+    return [text for holds, text in notes if holds]
 
 
 def estimate_fits(
@@ -540,8 +546,7 @@ def estimate_fits(
     found = []
     for fit in fits:
         with warnings.catch_warnings():
-            for category in _OF_FLAGS:
-                warnings.simplefilter("ignore", category)
+            warnings.simplefilter("ignore", FlagWarning)
             response = frequency_response(
                 records,
                 inputs=fit.inputs,

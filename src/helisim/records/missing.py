@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.arrays import Real
+from helisim.records.quality import stretches
 from helisim.records.record import FlightRecord
 
 Bools = NDArray[np.bool_]
@@ -118,11 +119,8 @@ def told(time: Real, names: Sequence[str], missing: Bools) -> dict[str, list[lis
 
     `missing` is (n_time, n_channel).
     """
-    found = {}
-    for name, lost in zip(names, missing.T):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
-        found[name] = np.stack([time[edges[::2]], time[edges[1::2] - 1]], axis=1).tolist()
-    return {name: spans for name, spans in found.items() if spans}
+    edges = {name: stretches(lost) - [0, 1] for name, lost in zip(names, missing.T)}
+    return {name: time[at].tolist() for name, at in edges.items() if at.size}
 
 
 def missing_of(record: FlightRecord) -> Bools:

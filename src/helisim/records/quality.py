@@ -29,6 +29,11 @@ class Run(NamedTuple):
     last: int
 
 
+def stretches(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return where a mask, (n_time,), is true in a row: first, and after the last, (n_row, 2)."""
+    return np.flatnonzero(np.diff(np.pad(mask.astype(np.int8), 1))).reshape(-1, 2)
+
+
 @np.errstate(over="ignore", invalid="ignore")
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which samples of a finite channel, (n_time,), are spikes, (n_time,).
@@ -44,14 +49,11 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
         before, after = values[: -width - 1], values[width + 1 :]
         inside = np.stack([values[k : values.size - width - 1 + k] for k in range(1, width + 1)])
         up = inside.min(axis=0) - np.maximum(before, after)
-        down = np.minimum(before, after) - inside.max(axis=0)
-        height = np.maximum(up, down)
+        height = np.maximum(up, np.minimum(before, after) - inside.max(axis=0))
         out = (height > _STICKS_OUT * usual[1 : height.size + 1]) & (
             np.abs(after - before) < _COMES_BACK * height
         )
-        start = np.flatnonzero(out) + 1
-        for k in range(width):
-            found[start + k] = True
+        found[np.add.outer(np.flatnonzero(out) + 1, range(width))] = True
     return found
 
 

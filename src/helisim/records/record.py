@@ -38,6 +38,7 @@ class Channel:
 
 IN1 = ("col", "lon", "lat", "ped")
 IN2 = ("COL", "LON", "LAT", "PED")
+STICKS: dict[str, str] = dict(zip(IN1, IN2))
 SERVOS = ("servo_front", "servo_left", "servo_right", "servo_tail")
 RATES = ("p", "q", "r")
 ATTITUDES = ("phi", "theta", "psi")
