@@ -68,7 +68,8 @@ def response_and_slope(structure: Structure, values, frequency):
 
 OMEGA = np.geomspace(1.0, 60.0, 40)
 SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
-ROLLPITCH = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
+SERVOS = {"lat": SERVO, "lon": SERVO}
+SERVOED = ident.in_series(ident.structures.rollpitch_speeds, inputs=SERVOS)
 ROLL = {
     **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
     **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "A_v": -5e-3},

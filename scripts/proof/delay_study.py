@@ -192,14 +192,7 @@ def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
 
 
 def study(
-    name: str,
-    delay: float,
-    seed: int,
-    number: int,
-    *,
-    keep_all: bool = False,
-    flipped: float = 0.0,
-    verbose: bool = False,
+    name, delay: float, seed: int, number: int, *, keep_all=False, flipped=0.0, verbose=False
 ) -> int:
     own = dict.fromkeys(FLEET, aircraft_case) | {"rollpitch": rotor_case}
     make = own.get(name, transfer_case)

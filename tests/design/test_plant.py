@@ -14,7 +14,7 @@ from helisim.handling.loop import NoResponse
 from helisim.physics.motion import flip
 from helisim.sim import FlightPlan, Pilot, Step, Weather, simulate
 from ident_data import OMEGA as WIDE
-from ident_data import ROLL, ROLLPITCH
+from ident_data import ROLL, SERVOED
 from ident_data import found as fitted
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
@@ -44,7 +44,7 @@ def test_what_is_recorded_late_is_sensed_at_once_and_late_by_the_gyro(yaw):
 def test_a_fall_has_no_gyro_and_a_rate_that_is_its_acceleration():
     """dw/dt = Z_w w + Z_col col: w is late as it is recorded less so; az = s w; turned angles."""
     heave = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-42.0, tau_col=0.05)
-    rolling, tilt = fitted(ROLLPITCH, **ROLL, tau_lat=0.0, tau_lon=0.0), (0.2, -0.1)
+    rolling, tilt = fitted(SERVOED, **ROLL, tau_lat=0.0, tau_lon=0.0), (0.2, -0.1)
     late = {"w": 0.03, "col": 0.01}
     plant = Plant((heave, rolling), late=late, latency=0.004, tilt=tilt)
     s, found = 1j * OMEGA, dict(zip(plant.outputs, plant.response(OMEGA)))
@@ -58,7 +58,7 @@ def test_a_fall_has_no_gyro_and_a_rate_that_is_its_acceleration():
 
 
 def test_fits_that_tell_the_same_are_refused():
-    rolling = fitted(ROLLPITCH, **ROLL, tau_lat=0.0, tau_lon=0.0)
+    rolling = fitted(SERVOED, **ROLL, tau_lat=0.0, tau_lon=0.0)
     part = fitted(ident.structures.yaw_base.renamed({"ped": "lat", "r": "p"}), **TRUE)
     with pytest.raises(InputError, match="two fits tell p/lat: leave one of them out"):
         Plant((part, rolling))
@@ -121,7 +121,7 @@ def test_its_response_is_that_of_what_it_samples(latency):
 
     The integral of the roll rate is the model's own attitude: no second one is added.
     """
-    rolling = fitted(ROLLPITCH, **ROLL, tau_lat=0.0047, tau_lon=-0.0152)
+    rolling = fitted(SERVOED, **ROLL, tau_lat=0.0047, tau_lon=-0.0152)
     heaving = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-42.0, tau_col=0.0083)
     late = {"p": 0.0035, "q": 0.0035, "lon": 0.0198}
     plant = Plant((rolling, heaving), late=late, latency=latency, tilt=(0.07, -0.01))
