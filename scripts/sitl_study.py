@@ -36,7 +36,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent / "proof"))
 import flown_loops
 
-from helisim.base.units import STANDARD_GRAVITY
+from helisim.base.files import read_toml
 from helisim.ident import load_fit
 from helisim.logs.dataflash import DataFlash
 from helisim.sitl import Aircraft
@@ -53,27 +53,8 @@ _OWN_HELICOPTER = Path(__file__).parent / "proof" / "ardupilots_helicopter.py"
 LOOPS = "loops"  # The flight of the JR700 whose sweeps go beyond its gain margins.
 
 
-_RPM = 0.104667 / (2.0 * np.pi / 60.0)
-"""Of the two numbers of rad/s in a turn a minute with which it scales thrust and hover."""
-SOURCES = {
-    # thrust is weight at 5 degrees of collective, of which the servos' ways make 50
-    "heli": {
-        **{"tau_f": 0.068232, "L_b": 3588.6, "M_a": 617.5, "A_b": -1.3402, "B_a": 1.2963},
-        **{"Lflt": 1.7635, "Lflg": -0.61171, "Mflt": 0.52454, "Mflg": 1.9432, "less_cyclic": 7.2},
-        **{"N_r": -2.96, "N_ped": 21.6 * 2.96, "yaw": 1.0},
-        **{"Z_w": -2.25, "Z_col": -50.0 * STANDARD_GRAVITY / 5.0 * _RPM**2},
-    },
-    "heli-blade360": {
-        **{"tau_f": 0.0353, "L_b": 5115.2, "M_a": 796.7, "A_b": -1.0057, "B_a": 1.0477},
-        **{"Lflt": 0.2375, "Lflg": -0.0286, "Mflt": 0.0344, "Mflg": 0.2292, "less_cyclic": 1.0},
-        **{"N_r": -2.0131, "N_ped": 63.004, "yaw": 1.45, "Z_w": -0.591, "Z_col": -22.3239 * 3.51},
-    },
-}
-"""Coefficients of ArduPilot's own helicopters; flapping's by cyclic as their source names them.
-
-Cyclic is 1.283 (s1 - s2) and 1.48 ((s1 + s2) / 2 - s3) of the servos' ways s, from 0 to 1 over
-1000 us, both over `less_cyclic`; the yaw command is `yaw` (2 s4 - 1).
-"""
+SOURCES = read_toml(Path(__file__).with_suffix(".toml"))
+"""Coefficients of ArduPilot's own helicopters, as its source has them."""
 
 
 class Row(NamedTuple):
@@ -123,14 +104,10 @@ def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
 def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
     aircraft = Aircraft(JR700)
     vehicle = aircraft.vehicle
-    # of col, lon, lat, ped by the autopilot's
     scale = command_scale(Mixer(parameters), aircraft.outputs, vehicle.swashplate, hover)
-    by = {axis: scale[k, k] for k, axis in enumerate(("col", "lon", "lat", "ped"))}
-    true = dict(vehicle.derivatives)
-    for name in true:
-        axis = name.partition("_")[2]
-        true[name] *= by.get(axis, 1.0)
-    return true
+    by = dict(zip(("col", "lon", "lat", "ped"), np.diag(scale)))  # by the autopilot's
+    own = vehicle.derivatives.items()
+    return {name: value * by.get(name.partition("_")[2], 1.0) for name, value in own}
 
 
 def stated(
@@ -152,10 +129,11 @@ def stated(
     lat, lon, ped, col = map(moved, AXES)
     return {
         **{name: source[name] for name in ("tau_f", "L_b", "M_a", "A_b", "B_a", "N_r", "Z_w")},
-        "A_lat": source["Mflt"] * lat[0] + source["Mflg"] * lat[1],
-        "A_lon": source["Mflt"] * lon[0] + source["Mflg"] * lon[1],
-        "B_lat": source["Lflt"] * lat[0] + source["Lflg"] * lat[1],
-        "B_lon": source["Lflt"] * lon[0] + source["Lflg"] * lon[1],
+        **{
+            f"{tilt}_{axis}": source[f"{moment}flt"] * by[0] + source[f"{moment}flg"] * by[1]
+            for tilt, moment in (("A", "M"), ("B", "L"))
+            for axis, by in (("lat", lat), ("lon", lon))
+        },
         "N_ped": source["N_ped"] * ped[2],
         "Z_col": source["Z_col"] * col[3],
     }
@@ -191,14 +169,12 @@ def judged(whose: str, log: Path) -> list[str]:
         f"median error {error:.2f} % (bar {BARS[whose]:g}), largest {largest:.2f} %; inside their "
         f"bounds {inside:.0f} % (bar {INSIDE:g}); within two standard errors {near} of {len(table)}"
     )
-    missed = []
-    if error > BARS[whose]:
-        missed.append(f"{whose}: median error {error:.2f} %, bar {BARS[whose]:g} %")
-    if largest > LARGEST.get(whose, np.inf):
-        missed.append(f"{whose}: largest error {largest:.2f} %, bar {LARGEST[whose]:g} %")
-    if inside < INSIDE:
-        missed.append(f"{whose}: {inside:.0f} % inside their bounds, bar {INSIDE:g} %")
-    return missed
+    bars = (
+        (error - BARS[whose], f"median error {error:.2f} %", BARS[whose]),
+        (largest - LARGEST.get(whose, np.inf), f"largest error {largest:.2f} %", LARGEST[JR700]),
+        (INSIDE - inside, f"{inside:.0f} % inside their bounds", INSIDE),
+    )
+    return [f"{whose}: {what}, bar {bar:g} %" for over, what, bar in bars if over > 0.0]
 
 
 def flown(whose: str, log: Path) -> Path:

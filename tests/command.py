@@ -1,7 +1,9 @@
-"""The command line, run within a test, and Python in a process of its own."""
+"""The command line, run within a test, Python in a process of its own, and what a test reads."""
 
 import subprocess
 import sys
+from pathlib import Path
+from shlex import quote
 
 from helisim.cli import main
 
@@ -27,3 +29,16 @@ def fails(capsys, *arguments):
     assert len(lines) == 1, captured.err
     assert "Traceback" not in captured.err
     return lines[0]
+
+
+def said(finding):
+    """Return a finding's remedy, such as "--repair gaps"."""
+    words = [f"--{one.name.replace('_', '-')} {quote(one.value)}" for one in finding.remedy]
+    return " ".join(words).strip()
+
+
+def parm_file(path: Path) -> dict[str, float]:
+    """Return values by name."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    rows = [line.split() for line in lines if line and not line.startswith("#")]
+    return {name: float(value) for name, value in rows}

@@ -19,7 +19,9 @@ if interpreted.wanted():
     interpreted.install()
 
 # No deadline: the first example may compile. Derandomised: a failure repeats everywhere.
-settings.register_profile("helisim", deadline=None, derandomize=True, database=None)
+settings.register_profile(
+    "helisim", deadline=None, derandomize=True, database=None, max_examples=50
+)
 settings.load_profile("helisim")
 
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")

@@ -4,10 +4,11 @@ Three blades that turn counter-clockwise, an H3-140 swashplate with its servo be
 Sizes are Froude's: lengths scale with n, masses with n^3, times and speeds with the root of n.
 """
 
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
-from helisim.vehicle.parameters import term
+from helisim.vehicle.parameters import model_folder, term
 
 TARGETS = {
     "tau_f": 0.0360, "A_b": 0.300, "B_a": -0.360, "A_lat": -0.040, "A_lon": 0.300, "B_lat": 0.310,
@@ -68,3 +69,17 @@ def _mjcf(n: float) -> str:
             numbers = (float(number) * n ** _SCALED[name] for number in one.attrib[name].split())
             one.attrib[name] = " ".join(map(repr, numbers))
     return ElementTree.tostring(tree, encoding="unicode")
+
+
+def copied(folder: Path, like: str = "jr700") -> Path:
+    """Copy a shipped vehicle to a folder, which gives it its name."""
+    shutil.copytree(model_folder(like), folder, ignore=shutil.ignore_patterns("*.png", "build.py"))
+    return folder
+
+
+def edited(folder: Path, file: str, old: str, new: str) -> int:
+    """Replace what stands once in a file of a folder; return the number of its line."""
+    text = (folder / file).read_text()
+    assert text.count(old) == 1, (file, old, text.count(old))
+    (folder / file).write_text(text.replace(old, new))
+    return text[: text.index(old)].count("\n") + 1

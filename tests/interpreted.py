@@ -7,7 +7,7 @@ runs the very same sources, some thousand times slower. Which lines the tests ru
     pip install -e '.[test,proof]'
     coverage run -m pytest
     NUMBA_DISABLE_JIT=1 coverage run -m pytest -W ignore -m "not slow and not study" \
-        tests/physics tests/vehicle/test_trim.py tests/vehicle/test_hover.py
+        tests/physics tests/vehicle/test_linearization.py
     coverage combine
     coverage report --fail-under=95
 """

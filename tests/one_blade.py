@@ -47,8 +47,8 @@ class OneBlade:
     rear: float = 0.0
     strips: int = 60
 
-    def flapping(self, start: Pair = (0.0, 0.0), turns: float = 60.0):
-        """Integrate; return angle and rate by time as a function of time, from a start."""
+    def turned(self, start: Pair, share=(1.0,)):
+        """Integrate one turn; return angle and rate at shares of it, (2, n), from a start."""
         speed, hand = self.speed, self.direction
         r = (np.arange(self.strips) + 0.5) / self.strips
         ahead = np.array([*self.advance, 0.0])
@@ -79,20 +79,18 @@ class OneBlade:
 
         turn = 2.0 * np.pi / speed
         # to 1e-9 of angles near 0.01: six digits
-        done = solve_ivp(
-            rate, (0.0, turns * turn), start, rtol=1e-8, atol=1e-11, dense_output=True,
-            max_step=turn / 16,
-        )  # fmt: skip
-        return done.sol
+        exact = {"rtol": 1e-8, "atol": 1e-11, "max_step": turn / 16}
+        return solve_ivp(rate, (0.0, turn), start, t_eval=turn * np.array(share), **exact).y
 
     def steady(self) -> tuple[float, float, float]:
-        """Return coning and the tilts a and b, rad, after the blade's own motion has died."""
-        turns = 8.0 + 14.0 * 16.0 / (2.0 * np.pi * self.lock)  # 1e-6 of it left
-        return self.tilts(self.flapping(turns=turns), turns * 2.0 * np.pi / self.speed)
+        """Return coning and the tilts a and b, rad, of the motion that comes back after a turn.
 
-    def tilts(self, flapping, until: float) -> tuple[float, float, float]:
-        """Return coning and tilts of the turn that ends at a time, rad."""
-        t = until - 2.0 * np.pi / self.speed * np.arange(1, 361) / 360.0
-        up, psi = flapping(t)[0], self.speed * t
+        The blade's equation is linear, so that a turn takes its state x to M x + b.
+        """
+        rest, *ends = (self.turned(one)[:, -1] for one in ((0.0, 0.0), (1.0, 0.0), (0.0, 100.0)))
+        turn = (np.array(ends).T - rest[:, None]) / [1.0, 100.0]
+        start = np.linalg.solve(np.eye(2) - turn, rest)
+        share = np.arange(360) / 360.0
+        up, psi = self.turned(tuple(start), share)[0], 2.0 * np.pi * share
         sideways = -2.0 * np.mean(up * np.sin(psi))
         return np.mean(up), -2.0 * np.mean(up * np.cos(psi)), -self.direction * sideways

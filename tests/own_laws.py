@@ -1,9 +1,12 @@
 """Control laws of a user: at the top of a module, as another process must find them."""
 
 import math
+from dataclasses import replace
 
 import numba
+import numpy as np
 
+from helisim.design.laws import AttitudeAxis, AttitudeCommand, Lead, StateSpaceLaw, YawAxis
 from helisim.vehicle import Controller
 
 
@@ -60,9 +63,40 @@ class Counter:
         state[0] = 100.0 * self.resets + seen.time
 
 
-def attitude_controllers(vehicle, settings=None):
+def attitude_controllers(vehicle):
     """Return `attitude` as controllers of a vehicle: in Python, and compiled."""
-    given = {"states": 3, "settings": settings or attitude_settings(vehicle)}
+    given = {"states": 3, "settings": attitude_settings(vehicle)}
     python = Controller(attitude, reset=attitude_from_trim, **given)
     reset = attitude_from_trim_native
     return python, Controller(attitude_native, reset=reset, **given)
+
+
+HOLDS = AttitudeCommand(
+    lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),
+    lon=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=1.0, k_rate=0.1, k_integral=0.3),
+    ped=YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2, k_integral=0.5),
+    phase=0.365,
+)
+"""Gains found by hand."""
+LAT = {"stick": 0.6, "frequency": 6.0, "k_angle": 0.6, "k_rate": 0.05}
+MORE = {"k_angle_cross": 0.02, "k_rate_cross": 0.01, "ff_acceleration": 0.001, "ff_rate": 0.01}
+LEADS = (Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0))
+FULL = replace(
+    HOLDS,
+    lat=replace(HOLDS.lat, **MORE, damping=0.7, filters=LEADS),
+    lon=replace(HOLDS.lon, damping=1.4),
+    ped=replace(HOLDS.ped, ff_rate=0.02, ff_acceleration=0.003),
+)
+"""With all that the law can do."""
+
+INPUTS = ("p", "phi", "psi", "LAT", "COL")
+
+
+def random_law(seed: int = 1, **changes) -> StateSpaceLaw:
+    """A stable law of five states."""
+    rng = np.random.default_rng(seed)
+    a = rng.standard_normal((5, 5))
+    a *= 0.9 / np.max(np.abs(np.linalg.eigvals(a)))
+    shapes = {"b": (5, 5), "c": (4, 5), "d": (4, 5), "windup": (5, 4), "start": (5, 4)}
+    matrices = {name: 0.1 * rng.standard_normal(shape) for name, shape in shapes.items()}
+    return StateSpaceLaw(**{"period": 0.002, "inputs": INPUTS, "a": a, **matrices, **changes})

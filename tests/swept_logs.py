@@ -7,8 +7,6 @@ import plants
 from closed_loop import coloured, sweep
 
 from helisim.ident import structures
-from helisim.records.record import FlightRecord, channel
-from helisim.records.storage import write_record
 
 HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
 
@@ -33,14 +31,6 @@ def flown(structure, values, axis, seed, *, duration=60.0, noise=0.0, jitter=Fal
     return rows / plants.RATE, inputs[rows], outputs
 
 
-def write_clean(path, structure, values, axis, seed, noise):
-    """Write a sweep as helisim records it."""
-    time, inputs, outputs = flown(structure, values, axis, seed, noise=noise)
-    names = (*structure.inputs, *structure.outputs)
-    record = FlightRecord(time, np.hstack([inputs, outputs]), tuple(map(channel, names)))
-    write_record(record, path)
-
-
 def write_foreign(path, headings, time, columns, *, delimiter=";", encoding="utf-8"):
     """Write columns as another program does."""
     with path.open("w", newline="", encoding=encoding) as file:
@@ -48,14 +38,6 @@ def write_foreign(path, headings, time, columns, *, delimiter=";", encoding="utf
         writer.writerow(headings)
         for row in zip(time, *columns):
             writer.writerow([f"{cell:.10g}" for cell in row])
-
-
-def same_within_errors(clean, foreign):
-    """Assert that two fits' parameters agree within three of their difference's errors."""
-    for name, one in clean.parameters.items():
-        other = foreign[name]
-        error = np.hypot(one.standard_error, other.standard_error)
-        assert abs(other.value - one.value) <= 3.0 * error, (name, one.value, other.value, error)
 
 
 def csv_writer(folder):

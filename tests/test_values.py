@@ -22,7 +22,7 @@ from helisim.look.systemid import Inferred, InferredFit, InferredLog, TakenChann
 from helisim.sitl.parameters import Setting
 from helisim.study.results import Run
 from made_run import make_flight, make_model, write_run
-from small_laws import HOLDS
+from own_laws import HOLDS
 
 LONGEST = 400
 """Characters of a `repr`: five lines of a terminal."""
@@ -152,6 +152,7 @@ def returned(value):
     return repr(value), value
 
 
+@pytest.mark.slow
 def test_values_pass_to_other_processes_and_back(values):
     given = list(values)
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -81,15 +81,13 @@ def verdict(rows: Sequence[Row]) -> None:
     cells: dict[str, dict[tuple[int, float], Summary]] = {}
     for one in found:
         cells.setdefault(named(one), {})[one.group["flights"], one.group[LENGTH]] = one
-    print(
-        f"\n{'bias +- scatter, stated':<24}" + "".join(f"{f'{n} x {s:g} s':>26}" for n, s in flown)
-    )
-    for name, line in cells.items():
-        shown = (f"{scattered(line[at])}{100 * line[at].stated:8.2f}" for at in flown)
-        print(f"{name:<24}" + "".join(shown))
-    print(f"\n{'% in 95 %, of sweeps':<24}" + "".join(f"{f'{n} x {s:g} s':>12}" for n, s in flown))
-    for name, line in cells.items():
-        print(f"{name:<24}" + "".join(f"{100 * held(line[at]):>12.0f}" for at in flown))
+    for head, width, cell in (
+        ("bias +- scatter, stated", 26, lambda one: f"{scattered(one)}{100 * one.stated:8.2f}"),
+        ("% in 95 %, of sweeps", 12, lambda one: f"{100 * held(one):>12.0f}"),
+    ):
+        print(f"\n{head:<24}" + "".join(f"{f'{n} x {s:g} s':>{width}}" for n, s in flown))
+        for name, line in cells.items():
+            print(f"{name:<24}" + "".join(cell(line[at]) for at in flown))
     for n, s in flown:
         low = [name for name, line in cells.items() if not held(line[n, s]) >= HELD]
         print(f"{n} x {s:g} s: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
@@ -147,12 +145,10 @@ def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, st
         means = {one: np.mean([e for e, at in zip(error, where) if at == one]) for one in where}
         about = error - np.array([means[one] for one in where])
         held = [100.0 * np.mean(np.abs(off) <= half) for off in (error, about)]
-        line = (
-            f"{f'{key[0]} {key[1]}':<24}{held[0]:>13.1f}{held[1]:>13.1f}{100 * error.mean():>13.2f}"
-        )
+        cells = [f"{one:>13.1f}" for one in held] + [f"{100 * error.mean():>13.2f}"]
         if key in exact:
-            line += f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}"
-        print(line)
+            cells.append(f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}")
+        print(f"{f'{key[0]} {key[1]}':<24}", *cells, sep="")
 
 
 def tended_to(plan: Row) -> dict[tuple[str, str], float]:

@@ -43,17 +43,13 @@ from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.search import Start, descend
 
-POINTS = 100
-NOISE = 0.01
+POINTS, NOISE = 100, 0.01
 ERRORS = 5.0
 """Standard errors within which a value counts as found: they are estimated themselves, from the
 residuals of 20 points, and 60 systems have several hundred of them."""
-
 SHARE = 0.01
 """Of a pole's size, and of a radian at the band's top, within which a value counts as found."""
-
-BAND = (0.1, 10.0)
-ROTOR_BAND = (1.5, 40.0)
+BAND, ROTOR_BAND = (0.1, 10.0), (1.5, 40.0)
 _TRANSFER = ("0/1", "1/2", "0/3", "2/3", "2/4", "3/4", "4/6")
 CASES = (("1/2", 0.28), ("rollpitch", 0.28))
 CASES += tuple((name, 0.5) for name in (*_TRANSFER, "rollpitch", *FLEET))
@@ -196,14 +192,7 @@ def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
 
 
 def study(
-    name: str,
-    delay: float,
-    seed: int,
-    number: int,
-    *,
-    keep_all: bool = False,
-    flipped: float = 0.0,
-    verbose: bool = False,
+    name, delay: float, seed: int, number: int, *, keep_all=False, flipped=0.0, verbose=False
 ) -> int:
     own = dict.fromkeys(FLEET, aircraft_case) | {"rollpitch": rotor_case}
     make = own.get(name, transfer_case)

@@ -84,23 +84,16 @@ def ardupilots_helicopter(parameters: Mapping[str, float]) -> LinearSystem:
     """
     a, b = _continuous(parameters)
     n, m = b.shape
-    frame = np.hstack([np.eye(n), np.zeros((n, m))])
+    frame, still = np.eye(n, n + m), np.hstack([np.zeros((n, n)), b])
     for names in _ORDER:
         rows = [_STATES.index(name) for name in names]
-        moved = a @ frame
-        moved[:, n:] += b
-        frame[rows] += _FRAME * moved[rows]
+        frame[rows] += _FRAME * (a @ frame + still)[rows]
     once, driven = frame[:, :n], frame[:, n:]
     powers = [np.linalg.matrix_power(once, k) for k in range(_FRAMES + 1)]
     c = np.eye(n)[[_STATES.index(name) for name in OUTPUTS]]
+    matrices = powers[-1], sum(powers[:-1]) @ driven, c, np.zeros((len(c), m))
     return LinearSystem(
-        powers[-1],
-        sum(powers[:-1]) @ driven,
-        c,
-        np.zeros((len(c), m)),
-        _FRAME * _FRAMES,
-        COMMANDS,
-        OUTPUTS,
+        *(*matrices, _FRAME * _FRAMES, COMMANDS, OUTPUTS),
         delays={name: _FRAME * (_DELAY + _FRAMES * (name == "ped")) for name in COMMANDS},
         output_delays=dict.fromkeys(RATES, _AGE),
     )
@@ -193,8 +186,7 @@ def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]
         near = np.abs(np.log(np.abs(true))) < np.log(_JUDGED)
         ratio, at = curve.response[near] / true[near], curve.frequency[near]
         decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
-        worst_of = ("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES)
-        for name, off, bar in worst_of:
+        for name, off, bar in ("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES):
             worst = int(np.argmax(np.abs(off)))
             where = float(at[worst]), float(at[0]), float(at[-1])
             table.append(Row(axis, name, "rad/s", *where, np.nan, float(off[worst]), bar))

@@ -16,57 +16,32 @@ much, neither is more than that. Sources: lynx.toml here and models/lynx/README.
 
 import textwrap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from helisim.base.files import read_toml
-from helisim.base.settings import check, from_plain
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.calibrate import flapping_of
 from helisim.vehicle.swashplate import lock_reduction
 
-KNOT = 1852.0 / 3600.0
-"""m/s."""
-GRAVITY = 9.81
-"""m/s^2, of Padfield's tables: their rows' elements are 9.81 cos(theta) and so on."""
+KNOT = 1852.0 / 3600.0  # m/s
+GRAVITY = 9.81  # m/s^2, of Padfield's tables: their rows' elements are 9.81 cos(theta) and so on
 STATES = ("u", "w", "q", "theta", "v", "p", "phi", "r")
 INPUTS = ("theta_0", "theta_1s", "theta_1c", "theta_0T")
-"""Of Padfield's matrices."""
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
 """The state whose rate a force or moment's derivative is of."""
-
-
-@dataclass(frozen=True)
-class LinearFlight:
-    """Padfield's matrices, `STATES` by `STATES` and by `INPUTS`."""
-
-    a: tuple[tuple[float, ...], ...]
-    b: tuple[tuple[float, ...], ...]
-
-    def derivative(self, rate: str, cause: str) -> float:
-        return (*self.a[row := STATES.index(rate)], *self.b[row])[(*STATES, *INPUTS).index(cause)]
-
-
-@dataclass(frozen=True)
-class FullScale:
-    """Prints by airspeed, kn; products of inertia are in the thesis's L and N."""
-
-    padfield: Mapping[int, LinearFlight]
-    thesis_knots: tuple[int, ...]
-    thesis_trims: Mapping[str, tuple[float, ...]]
-    thesis_derivatives: Mapping[str, tuple[float, ...]]
-
-    def __post_init__(self) -> None:
-        by_knots = {int(knots): flight for knots, flight in self.padfield.items()}
-        object.__setattr__(self, "padfield", by_knots)
-        check(self)
-
-
-LYNX = from_plain(FullScale, read_toml(Path(__file__).with_name("lynx.toml")), "lynx.toml")
+LYNX = read_toml(Path(__file__).with_name("lynx.toml"))
+"""Prints by airspeed, kn; products of inertia are in the thesis's L and N."""
+BOOK = {
+    int(knots): dict(zip(STATES, np.hstack([one["a"], one["b"]])))
+    for knots, one in LYNX["padfield"].items()
+}
+"""Airspeed, kn -> state -> what its rate is by each of `STATES` and `INPUTS`, Padfield's."""
+THESIS_KNOTS, THESIS_TRIMS = LYNX["thesis_knots"], LYNX["thesis_trims"]
 CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
 SMALL = 0.05  # Share of an axis's largest effect below which a difference is nobody's matter.
 PUSH = {**dict.fromkeys("uvw", 1.0), **dict.fromkeys("pqr", 0.1), **dict.fromkeys(INPUTS, 0.01)}
@@ -74,10 +49,8 @@ PUSH = {**dict.fromkeys("uvw", 1.0), **dict.fromkeys("pqr", 0.1), **dict.fromkey
 HALF_A_DEGREE = np.radians(0.5)  # Of an angle: what a protractor on a blade tells.
 MASS = 4313.7  # kg, of both prints' helicopter.
 FACTOR = (9.0 / 5.0) ** 0.25  # Of the inflow of both rotors in the thesis, over momentum theory's.
-PADFIELD = "Padfield"
-THESIS = "thesis"
-_AS_THESIS = (("main_rotor.hub_x", 0.0198),)
-"""What the thesis reads otherwise from Padfield's data: where the hub is."""
+PADFIELD, THESIS = "Padfield", "thesis"
+_AS_THESIS = (("main_rotor.hub_x", 0.0198),)  # what it reads otherwise from Padfield's data
 
 Changes = tuple[tuple[str, float | str], ...]
 
@@ -92,16 +65,14 @@ DERIVATIVES = (
 ANGLES = ("theta_0", "theta_1s", "theta_1c", "theta_0T", "theta", "phi")
 
 
-@dataclass(frozen=True)
-class Flight:
+class Flight(NamedTuple):
     knots: int
     angles: Mapping[str, float]
     power: float
     derivatives: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     source: str
     name: str
     knots: int
@@ -121,7 +92,7 @@ class Row:
 @cache
 def flights(changes: Changes = ()) -> tuple[Flight, ...]:
     vehicle, found = load("lynx", parameters=dict(changes)), []
-    for knots in LYNX.thesis_knots:
+    for knots in THESIS_KNOTS:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
         found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
     return tuple(found)
@@ -168,25 +139,31 @@ def without_kinematics(values: Mapping[str, float], speed: float, theta: float) 
     return {name: value - parts.get(name, 0.0) for name, value in values.items()}
 
 
+def printed(source: str, knots: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Return a source's trim angles and derivatives."""
+    if source == THESIS:
+        k = THESIS_KNOTS.index(knots)
+        derived = {name: curve[k] for name, curve in LYNX["thesis_derivatives"].items()}
+        return {name: THESIS_TRIMS[name][k] for name in ANGLES}, derived
+    by, rates = (*STATES, *INPUTS).index, BOOK[knots]
+    angle = by("theta")
+    trims = {
+        "theta": float(np.arctan2(-rates["w"][angle], -rates["u"][angle])),
+        "phi": -float(np.arcsin(rates["theta"][by("r")])),
+    }  # of which the elements of gravity are
+    derived = {name: float(rates[RATE_OF[name[0]]][by(name[2:])]) for name in DERIVATIVES}
+    return trims, without_kinematics(derived, knots * KNOT, trims["theta"])
+
+
 @cache
 def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
     book, found = source == PADFIELD, []
-    for k, flight in enumerate(flights(changes if book else (*_AS_THESIS, *changes))):
-        if book and flight.knots not in LYNX.padfield:
+    for flight in flights(changes if book else (*_AS_THESIS, *changes)):
+        if book and flight.knots not in BOOK:
             continue
-        if book:
-            linear = LYNX.padfield[flight.knots]
-            trims = {
-                "theta": float(np.arctan2(*(-linear.derivative(one, "theta") for one in "wu"))),
-                "phi": -float(np.arcsin(linear.derivative("theta", "r"))),
-            }  # of which the elements of gravity are
-            printed = {name: linear.derivative(RATE_OF[name[0]], name[2:]) for name in DERIVATIVES}
-            printed = without_kinematics(printed, flight.knots * KNOT, trims["theta"])
-        else:
-            trims = {name: LYNX.thesis_trims[name][k] for name in ANGLES}
-            printed = {name: curve[k] for name, curve in LYNX.thesis_derivatives.items()}
-        effect = {name: abs(value) * PUSH[name[2:]] for name, value in printed.items()}
-        for name, value in printed.items():
+        trims, derived = printed(source, flight.knots)
+        effect = {name: abs(value) * PUSH[name[2:]] for name, value in derived.items()}
+        for name, value in derived.items():
             largest = max(one for other, one in effect.items() if other[0] == name[0])
             small = SMALL * largest / PUSH[name[2:]]
             found.append(Row(source, name, flight.knots, value, flight.derivatives[name], small))
@@ -196,8 +173,7 @@ def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Explanation:
+class Explanation(NamedTuple):
     letter: str
     words: str
     names: tuple[str, ...]
@@ -207,7 +183,7 @@ class Explanation:
 
     def tried(self, row: Row) -> Row:
         tried = _indexed(row.source, self.switch)[row.name, row.knots]
-        return replace(tried, found=tried.found + self.term(row)) if self.term else tried
+        return tried._replace(found=tried.found + self.term(row)) if self.term else tried
 
 
 def _indexed(source: str, changes: Changes = ()) -> Mapping[tuple[str, int], Row]:
@@ -223,7 +199,7 @@ def verdict(row: Row) -> str:
     other = _indexed(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
     if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
         return APART
-    if row.source == THESIS and row.knots > max(LYNX.padfield) and _parts_at_60(row.name):
+    if row.source == THESIS and row.knots > max(BOOK) and _parts_at_60(row.name):
         return LIKE_60
     return "?"
 
@@ -255,7 +231,7 @@ def _tail(knots: int) -> tuple[float, float, float, float]:
     own = load("lynx").parameters
     slope = own["tail_rotor.lift_slope"] * own["tail_rotor.blades"] * own["tail_rotor.chord"]
     advance = knots * KNOT / (own["tail_rotor.speed"] * own["tail_rotor.radius"])
-    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(knots)]
+    thrust = THESIS_TRIMS["CT_T"][THESIS_KNOTS.index(knots)]
     induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
     return slope / (np.pi * own["tail_rotor.radius"]), advance, thrust, induced
 
@@ -286,18 +262,17 @@ def stabilising_fuselage(row: Row) -> float:
 
 
 APART, LIKE_60 = "=", "~"
+_WORDS = read_toml(Path(__file__).with_suffix(".toml"))
+_SIGNS = _WORDS["sign"]
 _TERMS = (printed_tail_thrust, more_tail_inflow, stabilising_fuselage, yaw_in_the_shafts_axes)
 _BY_NAME = {one.__name__: one for one in _TERMS}
 EXPLANATIONS = tuple(
     Explanation(
-        one["letter"],
-        one["words"],
-        tuple(one["names"]),
-        tuple(one["sources"]),
+        *(one[key] for key in ("letter", "words", "names", "sources")),
         answering_inflow() if "answering_inflow" in one else tuple(one.get("switch", {}).items()),
-        _BY_NAME[one["term"]] if "term" in one else None,
+        _BY_NAME.get(one.get("term")),
     )
-    for one in read_toml(Path(__file__).with_suffix(".toml"))["explanation"]
+    for one in _WORDS["explanation"]
 )
 
 
@@ -332,26 +307,10 @@ def main() -> None:
     power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
     print(f"Power of both rotors, kW, which neither prints: {power}\n")
     print(f"Without a sign: within {100 * CLOSE:.0f} %.")
-    for letter, words in LEGEND:
+    for letter, words in (*_SIGNS.items(), *((one.letter, one.words) for one in EXPLANATIONS)):
         print(textwrap.fill(f"{letter}  {words}", 88, subsequent_indent="   "))
     left = unexplained()
     print(f"?  {len(left)} of {sum(len(rows(one)) for one in (PADFIELD, THESIS))} unexplained")
-
-
-LEGEND = (
-    (
-        ".",
-        f"small: less than {100 * SMALL:.0f} % of the largest effect on that axis, of 1 m/s, "
-        "0.1 rad/s or 0.01 rad; of angles, half a degree",
-    ),
-    (APART, f"the prints differ, and the model is within {100 * CLOSE:.0f} % of the other one"),
-    (
-        LIKE_60,
-        f"as at 60 kn, where the thesis is more than {100 * CLOSE:.0f} % off Padfield and the "
-        "model is not",
-    ),
-    *((one.letter, one.words) for one in EXPLANATIONS),
-)
 
 
 if __name__ == "__main__":

@@ -15,51 +15,28 @@ The exit status is 1 if intervals of a joint estimate hold less than 93 %, or a 
 
 import argparse
 import sys
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
+import common
 import numpy as np
 from scipy.signal import cont2discrete
 
-from helisim.base.errors import HelisimError
 from helisim.cli.logs import resolved_band
-from helisim.ident import Fit, Structure, frequency_response, identify, structures
-from helisim.ident.structure import Parameter
+from helisim.ident import Fit, Structure, frequency_response, identify
 from helisim.logs import screen
-from helisim.records.record import Channel, FlightRecord, channel
+from helisim.records.record import FlightRecord
 
 FINE = 2e-3  # s, of the simulation's step
 ERRORS, SHARE = 3.0, 0.05  # stated errors, and share of the value, from which a parameter is wrong
 LEAST = 0.93
-CUBIC = Structure(
-    "hover_cubic",
-    (
-        Parameter("X_u", "1/s", -0.1, None, "forward damping"),
-        Parameter("M_u", "rad/(s m)", 0.1, None, "pitch acceleration by forward velocity"),
-        Parameter("M_q", "1/s", -1.0, None, "pitch damping"),
-        Parameter("M_lon", "1/s^2", 10.0, None, "pitch acceleration by cyclic"),
-        Parameter("tau_lon", "s", 0.02, None, "delay of cyclic"),
-    ),
-    states=("u", "q", "theta"),
-    inputs=("lon",),
-    outputs=("u", "q"),
-    F=(("X_u", "0", "-g"), ("M_u", "M_q", "0"), ("0", "1", "0")),
-    G=(("0",), ("M_lon",), ("0",)),
-    constants={"g": 9.80665},
-    input_delays={"lon": "tau_lon"},
-)
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure with values, under a feedback law, in gusts.
-
-    `law` is by input and state, or time integral of a state ("int r"); `gust` are standard
-    deviation, time constant (s) and what a state's derivative gets of it. `noise` is of each
-    output, `size` of the sweeps, `rate` in Hz with `jitter` of a step.
-    """
+    """A structure with values, under a feedback law, in gusts: gusts.toml says what each is."""
 
     structure: Structure
     values: Mapping[str, float]
@@ -74,51 +51,7 @@ class Truth:
     count: int = 3
 
 
-TRUTHS = {
-    "hover": Truth(
-        CUBIC,
-        {"X_u": -0.05, "M_u": 0.06, "M_q": -1.5, "M_lon": 12.0, "tau_lon": 0.04},
-        {"lon": {"theta": -0.6, "q": -0.15, "u": 0.04}},
-        (0.6, 3.0, {"u": 0.05, "q": -0.06}),
-        {"u": 0.05, "q": 0.01},
-        0.05,
-        20.0,
-        0.15,
-    ),
-    "yaw": Truth(
-        structures.yaw_base,
-        {"N_r": -1.5, "N_ped": 60.0, "tau_r_base": 0.03},
-        {"ped": {"r": -0.08, "int r": -0.15}},
-        (0.6, 0.5, {"r": 1.0}),
-        {"r": 0.01},
-        0.06,
-        50.0,
-        band=(0.5, 25.0),
-    ),
-    "heave": Truth(
-        structures.heave,
-        {"Z_w": -0.9, "Z_col": -40.0, "tau_col": 0.05},
-        {"col": {"w": 0.06, "int w": 0.04}},
-        (0.4, 2.0, {"w": 0.9}),
-        {"w": 0.05},
-        0.08,
-        10.0,
-        0.1,
-        band=(0.3, 6.0),
-    ),
-    "rollpitch": Truth(
-        structures.rollpitch,
-        {"tau_f": 0.12, "L_b": 120.0, "M_a": 70.0, "A_b": 0.2, "B_a": -0.15, "A_lat": -0.01}
-        | {"A_lon": 0.12, "B_lat": 0.1, "B_lon": 0.015, "tau_lat": 0.02, "tau_lon": 0.024},
-        {"lat": {"p": -0.15, "int p": -0.8}, "lon": {"q": -0.15, "int q": -0.8}},
-        (0.25, 0.5, {"p": 1.0, "q": -0.7}),
-        {"p": 0.01, "q": 0.01},
-        0.15,
-        50.0,
-        band=(0.5, 25.0),
-        count=2,
-    ),
-}
+TRUTHS = common.truths(Path(__file__).with_suffix(".toml"), Truth)
 
 
 def sweeps(truth: Truth, dice: np.random.Generator, count: int) -> np.ndarray:
@@ -149,7 +82,7 @@ def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[FlightRecord]]:
     a, b = np.block([[a, np.zeros((n, n))], [np.eye(n), np.zeros((n, n))]]), np.vstack([b, 0.0 * b])
     ad, bd, *_ = cont2discrete((a, b, np.eye(2 * n), np.zeros((2 * n, b.shape[1]))), FINE, "zoh")
     names = [*structure.states, *(f"int {one}" for one in structure.states)]
-    law = np.array([[truth.law.get(i, {}).get(x, 0.0) for x in names] for i in structure.inputs])
+    law = common.law_of(truth, names)
     stick = np.zeros((round(truth.length / FINE), n_in, each))
     for k in range(n_in):
         stick[:, k] = 0.1 * sweeps(truth, dice, each)
@@ -179,16 +112,9 @@ def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[FlightRecord]]:
         columns = np.column_stack([np.interp(time, fine, one) for one in values[:, :, k].T])
         for j, name in enumerate(structure.outputs, 2 * n_in):
             columns[:, j] += dice.normal(0.0, truth.noise[name], count)
-        log = FlightRecord(time, columns, tuple(map(_channel, labels)))
+        log = FlightRecord(time, columns, tuple(map(common.channel_of, labels)))
         logs.append(screen(log, resample_hz=truth.rate).records[0] if truth.jitter else log)
     return [logs[k : k + truth.count * n_in] for k in range(0, each, truth.count * n_in)]
-
-
-def _channel(name: str) -> Channel:
-    try:
-        return channel(name)
-    except HelisimError:
-        return Channel(name, "1", "OTHER", name)
 
 
 def open_loop(truth: Truth) -> Truth:
@@ -203,18 +129,12 @@ def calm(truth: Truth) -> Truth:
 
 def estimated(truth: Truth, records: Sequence[FlightRecord], reference: bool) -> Fit:
     """Return the fit to the records, by their default band."""
-    structure = truth.structure
-    names = tuple(map(str.upper, structure.inputs)) if reference else None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        frf = frequency_response(
-            records,
-            inputs=structure.inputs,
-            outputs=structure.outputs,
-            band=resolved_band(records),
-            reference=names,
-        )
-        return identify(frf, structure)
+    inputs, outputs = truth.structure.inputs, truth.structure.outputs
+    names = {"inputs": inputs, "outputs": outputs, "band": resolved_band(records)}
+    sticks = tuple(map(str.upper, inputs)) if reference else None
+    with common.quiet():
+        frf = frequency_response(records, **names, reference=sticks)
+        return identify(frf, truth.structure)
 
 
 class Counted(NamedTuple):
@@ -257,7 +177,7 @@ def main() -> int:
     o = parser.parse_args()
     failed = False
     for name, truth in TRUTHS.items():
-        if not any(one in name for one in o.only.split(",")):
+        if not common.wanted(o.only, name):
             continue
         free = [one.name for one in truth.structure.free]
         value = np.array([truth.values[one] for one in free])
@@ -267,9 +187,8 @@ def main() -> int:
                 continue  # it doesn't stay in place
             flown = fly(cases[case], 1, o.seeds)
             found = Counted.of(truth, flown, case == "joint")
-            words = ", ".join(f"{found.words.count(w)} {w}" for w in dict.fromkeys(found.words))
-            why = [kind for kinds in found.kinds for kind in kinds]
-            said = ", ".join(f"{why.count(kind)} {kind}" for kind in dict.fromkeys(why))
+            words = common.counted(found.words)
+            said = common.counted([kind for kinds in found.kinds for kind in kinds])
             harm = found.harmful(truth)
             blind = sum(bad and w == "sound" for bad, w in zip(harm, found.words))
             total = float(found.inside.mean())
@@ -277,9 +196,8 @@ def main() -> int:
                 f"{name}, {case}: {100 * total:.1f} % of intervals hold the truth; {words} ({said})"
                 f"; wrong {harm.sum()}, of which sound {blind}"
             )
-            print(
-                f"  {'':10s} {'truth':>9s} {'mean off':>9s} {'scatter':>9s} {'stated':>9s} inside"
-            )
+            heads = "".join(f" {one:>9s}" for one in ("truth", "mean off", "scatter", "stated"))
+            print(f"  {'':10s}{heads} inside")
             for k, one in enumerate(free):
                 off, spread = found.gap[:, k].mean(), found.gap[:, k].std()
                 stated = np.median(found.error[:, k])

@@ -50,16 +50,14 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
     disc = TipPathPlane.of(own)
     speed = own["main_rotor.speed"]
     (_, ab), (ba, _) = disc.springs
-    (a_lat, a_lon), (b_lat, b_lon) = disc.cyclic
     whole = -1.0 / linear.derivative("inflow_0", "inflow_0")
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / np.pi
     loading = own["main_rotor.lift_slope"] * solidity / own["main_rotor.radius"]
     mean = vehicle.trim.inflow_0 / (speed * own["main_rotor.radius"])
-    names = ("A_lat", "A_lon", "B_lat", "B_lon")
     return {
         **vehicle.derivatives,
         **delays,
-        **dict(zip(names, (a_lat, a_lon, b_lat, b_lon))),
+        **dict(zip(("A_lat", "A_lon", "B_lat", "B_lon"), np.ravel(disc.cyclic))),
         "tau_0": whole,
         "tau_1": 16.0 / (45.0 * np.pi) / speed / (mean + loading / 16.0),
         "C": 1.0 / own["flapping.lock_reduction"],
@@ -87,12 +85,9 @@ def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, iden
         a[np.ix_([names.index(row) for row in rows], [names.index(one) for one in columns])] = 0.0
         pencils = 1j * omega[:, None, None] * np.eye(len(names)) - a
         moved = np.linalg.solve(pencils, np.asarray(linear.B)[None, :, inputs])
-        exact = ident.FrequencyResponse.exact(
-            omega,
-            np.moveaxis(moved[:, outputs], 0, -1),
-            inputs=structure.inputs,
-            outputs=structure.outputs,
-        )
+        sides = {"inputs": structure.inputs, "outputs": structure.outputs}
+        moved = np.moveaxis(moved[:, outputs], 0, -1)
+        exact = ident.FrequencyResponse.exact(omega, moved, **sides)
         fits[label] = hs.identify(exact, structure)
     return fits
 
@@ -155,9 +150,7 @@ def main(count: int = 4) -> None:
         "roll-pitch": {
             QUASI_STEADY: hs.identify(cyclic, hs.structures.rollpitch),
             PITT_PETERS: hs.identify(fast, known),
-            EXACT: hs.identify(
-                exact, known, seed=1
-            ),  # of seed 0 the search says it didn't converge
+            EXACT: hs.identify(exact, known, seed=1),  # of seed 0 it says it didn't converge
         },
     }
     for name, both in fits.items():

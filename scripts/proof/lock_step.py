@@ -37,9 +37,8 @@ class BadWay:
     did: Counter = field(default_factory=Counter)
 
     def __post_init__(self):
-        self.front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.front, self._back = (socket.socket(type=socket.SOCK_DGRAM) for _ in range(2))
         self.front.bind(("127.0.0.1", 0))
-        self._back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.port = self.front.getsockname()[1]
         self._random, self._stop = random.Random(self.seed), threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -60,12 +59,11 @@ class BadWay:
             for ready in select.select([self.front, self._back], [], [], 0.05)[0]:
                 packet, peer = ready.recvfrom(65000)
                 if ready is self.front:
-                    client = peer
-                    for one in self._passed(packet, "frame"):
-                        self._back.sendto(one, ("127.0.0.1", self.backend))
+                    client, to, kind = peer, ("127.0.0.1", self.backend), "frame"
                 else:
-                    for one in self._passed(packet, "answer"):
-                        self.front.sendto(one, client)
+                    to, kind = client, "answer"
+                for one in self._passed(packet, kind):
+                    (self._back if kind == "frame" else self.front).sendto(one, to)
 
     def _passed(self, packet, kind):
         if self._random.random() >= self.share:
@@ -83,6 +81,10 @@ class Notes(Link):
         super().__init__(0, **options)
         self.answers, self._count = {}, None
 
+    @property
+    def most(self):
+        return max(map(len, self.answers.values()))
+
     def receive(self, timeout=None, **more):
         frame = super().receive(timeout, **more)
         self._count = self._count if frame is None else frame.count
@@ -96,10 +98,7 @@ class Notes(Link):
 class Counting:
     """An aircraft that only counts: each frame is a millisecond."""
 
-    crashed = ""
-
-    def __init__(self):
-        self.time = 0.0
+    crashed, time = "", 0.0
 
     def reset(self):
         self.time = 0.0
@@ -135,15 +134,11 @@ class Proof:
 
     def __str__(self):
         did = ", ".join(f"{number} {what}" for what, number in sorted(self.did.items()))
-        lines = [f"the way: {did}", f"the backend: {self.served}"]
-        if self.behind.size:
-            late = self.behind > 0
-            lines.append(
-                f"the autopilot: one answer behind in {np.mean(late):.2%} of its frames, "
-                f"{_longest(late)} in a row at most"
-            )
+        late, behind = self.behind > 0, "the autopilot: one answer behind in "
+        if late.size:
+            behind += f"{np.mean(late):.2%} of its frames, {_longest(late)} in a row at most\n"
         said = "; ".join(self.faults) or "every frame flown once, in order, one answer each"
-        return "\n".join([*lines, said])
+        return f"the way: {did}\nthe backend: {self.served}\n{behind * bool(late.size)}{said}"
 
 
 HAIR = 1.0 + 1e-6
@@ -180,8 +175,7 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
             thread.join(0.05)
         autopilot.close()
     behind = np.array([count - count_at[at] for count, at in read_at])
-    most = max(map(len, link.answers.values()))
-    return Proof(link.served, bad_way.did, flown, most, behind)
+    return Proof(link.served, bad_way.did, flown, link.most, behind)
 
 
 def prove_real(frames, program, *, parameters="", aircraft=None, **way):
@@ -198,8 +192,7 @@ def prove_real(frames, program, *, parameters="", aircraft=None, **way):
         Autopilot(Path(program).absolute(), parameters, bad_way.port),
     ):
         served = serve(aircraft or Aircraft(), link, on_frame=on_frame)
-    most = max(map(len, link.answers.values()))
-    return Proof(served, bad_way.did, flown, most, np.zeros(0))
+    return Proof(served, bad_way.did, flown, link.most, np.zeros(0))
 
 
 if __name__ == "__main__":

@@ -20,8 +20,6 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
 import verdicts
 
 from helisim.ident import Fit, identify, structures
@@ -89,8 +87,7 @@ def fits(log: Path) -> dict[str, Fit]:
 
 def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tuple[str, bool]:
     """Return what a log tells beside the whole one's fits and figures, and whether all is held."""
-    count = inside = near = 0
-    worst, held, words = 0.0, True, []
+    worst, within, words = 0.0, [], []
     for name, fit in fits(target).items():
         words.append(fit.verdict.word)
         for one in fit.parameters.values():
@@ -99,22 +96,18 @@ def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tu
             true = whole[name][one.name]
             off = abs(one.value - true.value)
             errors = off / float(np.hypot(one.standard_error, true.standard_error))
-            count, inside, near = (
-                count + 1,
-                inside + (off <= one.cramer_rao),
-                near + (errors <= 2.0),
-            )
+            within.append((off <= one.cramer_rao, errors <= 2.0))
             worst = max(worst, errors)
+    inside, near = map(sum, zip(*within))
     figures = flown_loops(target).margins().figures
-    held = sum(one.interval.low <= loops[one.axis, one.name] <= one.interval.high for one in figures
-               if (one.axis, one.name) in loops)  # fmt: skip
-    seen = sum((one.axis, one.name) in loops for one in figures)
+    seen = [one for one in figures if (one.axis, one.name) in loops]
+    held = sum(i.low <= loops[one.axis, one.name] <= i.high for one in seen for i in [one.interval])
     text = (
-        f"{inside} of {count} inside their bounds, {near} within two errors, the worst at "
-        f"{worst:.1f}; {held} of {seen} figures inside ({len(loops)} of {source.name}); "
+        f"{inside} of {len(within)} inside their bounds, {near} within two errors, the worst at "
+        f"{worst:.1f}; {held} of {len(seen)} figures inside ({len(loops)} of {source.name}); "
         f"{', '.join(words)}"
     )
-    return text, inside == count and held == seen
+    return text, inside == len(within) and held == len(seen)
 
 
 def judged(name: str, kind: str, share: float, seed: int) -> tuple[verdicts.Judged, bool]:

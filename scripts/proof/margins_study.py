@@ -9,11 +9,11 @@ intervals as wide as the figures scatter: "stated" is the standard deviation tha
 """
 
 import sys
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+import common
 import numpy as np
 
 import helisim as hs
@@ -25,8 +25,8 @@ from helisim.vehicle import Vehicle
 WANTED = 0.94
 _BATCH = 10
 _FINE = np.geomspace(1.0, 400.0, 2000)
-_KINDS = {"DRB": "disturbance", "DRP": "disturbance", "bandwidth": "command"}
-_KINDS |= {"phase_delay": "command"}
+_KINDS = dict.fromkeys(("DRB", "DRP"), "disturbance")
+_KINDS |= dict.fromkeys(("bandwidth", "phase_delay"), "command")
 
 Key = tuple[str, str, str]
 
@@ -50,9 +50,8 @@ def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.Me
     times = {"period": period, "duration": period + 2.0 * TRIM_TIME}
     made = [sweep(replace(wave, **times), loop, flown) for wave in SWEEPS.values()]
     calm = {"pilot": hs.Pilot(remnant=0.0), "weather": hs.Weather(turbulence="light")}
-    plans = [
-        hs.FlightPlan(excitation=one, recorder=hs.Recorder.of(vehicle), **calm) for one in made
-    ]
+    calm["recorder"] = hs.Recorder.of(vehicle)
+    plans = [hs.FlightPlan(excitation=one, **calm) for one in made]
     for batch in range(0, replicates, _BATCH):
         count = min(_BATCH, replicates - batch)
         flights = [
@@ -60,9 +59,9 @@ def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.Me
             for number, plan in enumerate(plans)
         ]
         for records in zip(*flights):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                yield hs.margins(records)
+            with common.quiet():
+                found = hs.margins(records)
+            yield found
 
 
 def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, Covered]:

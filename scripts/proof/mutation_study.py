@@ -18,6 +18,7 @@ Wilson interval of 95 %.
 
 import argparse
 import ast
+import contextlib
 import difflib
 import json
 import os
@@ -28,6 +29,7 @@ import signal
 import sys
 import tempfile
 import time
+import tomllib
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -36,36 +38,8 @@ from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-TESTS = {
-    "physics": (
-        "tests/physics",
-        "tests/sim/test_weather.py::test_filters_have_the_standards_spectra",
-        "tests/vehicle/test_trim.py",
-        "tests/vehicle/test_hover.py",
-        "tests/vehicle/test_dynamic_inflow.py",
-        "tests/vehicle/test_rotor_speed.py",
-        "tests/sim/test_own_controller.py::test_what_a_law_sees_is_the_truth",
-        "tests/sim/test_own_controller.py::test_an_evaluation_can_be_made_again",
-        "tests/verification/test_momentum_theory.py",
-    ),
-    "ident": (
-        "tests/ident",
-        "tests/look/test_order.py",
-        "tests/records/test_quality.py",
-        "tests/recovery/test_verify_unstable.py",
-    ),
-    "design": ("tests/design", "tests/laws"),
-    "handling": ("tests/handling",),
-    "logs": ("tests/logs",),
-    "look": ("tests/look",),
-    "sim": ("tests/sim", "tests/verification/test_energy.py", "tests/cli/test_refusals.py"),
-    "sitl": ("tests/sitl", "tests/cli/test_refusals.py"),
-}
-"""The tests of each package that mutants of it meet."""
-LIBRARIES = (
-    *("control", "hypothesis", "matplotlib.pyplot", "mujoco.batch", "mujoco.rollout", "numba"),
-    *("pyarrow.parquet", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats"),
-)
+with open(Path(__file__).with_suffix(".toml"), "rb") as file:
+    PLAN = tomllib.load(file)
 FIRST = "restated"
 """In the name of tests that hold whole laws against a second statement of them: tried first."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
@@ -89,28 +63,24 @@ class Mutant:
 
         source = (root / self.path).read_text(encoding="utf-8")
         changed = mutate_code(source, get_operator(self.operator)(), self.occurrence)
-        try:
+        with contextlib.suppress(SyntaxError):
             ast.parse(changed)
-        except SyntaxError:
-            return None
-        return changed
+            return changed
+        return None
 
 
 def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     """Return where no mutant could show: annotations, decorators and whether types are checked."""
-    found: list[ast.expr] = []
+    found: list[ast.expr | None] = []
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.FunctionDef):
-            found += [one for one in [node.returns] if one]
-        elif isinstance(node, ast.arg | ast.AnnAssign) and node.annotation:
-            found.append(node.annotation)
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found += node.decorator_list
+        found.append(getattr(node, "annotation", None))
+        found.append(getattr(node, "returns", None))
+        found += getattr(node, "decorator_list", [])
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             found.append(node.test)
         if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Literal":
             found.append(node)
-    return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found]
+    return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found if n]
 
 
 def mutants(path: Path, name: str) -> Iterator[tuple[object, Mutant]]:
@@ -202,19 +172,16 @@ class Baseline:
         import coverage
         import pytest
 
-        measured = coverage.Coverage(
-            data_file=None, include=[f"*/helisim/{area}/*"], config_file=False
-        )
+        only = [f"*/helisim/{area}/*"]
+        measured = coverage.Coverage(data_file=None, include=only, config_file=False)
         measured.start()
         times = Times(measured)
-        options = ["-q", "-n0", "-m", "not slow and not study", *TESTS[area]]
+        options = ["-q", "-n0", "-m", "not slow and not study", *PLAN["tests"][area]]
         status = pytest.main(options, plugins=[times])
         measured.stop()
         data = measured.get_data()
-        lines = {
-            str(Path(file).relative_to(self.root)): data.contexts_by_lineno(file)
-            for file in data.measured_files()
-        }
+        by = {str(Path(f).relative_to(self.root)): f for f in data.measured_files()}
+        lines = {name: data.contexts_by_lineno(file) for name, file in by.items()}
         text = json.dumps({"seconds": times.seconds, "lines": lines})
         (self.root / "baseline.json").write_text(text, encoding="utf-8")
         return int(status)
@@ -283,7 +250,7 @@ def table(outcomes: dict[str, list[bool]]) -> str:
 def main() -> int:
     """Print survivors and the table; return 1 if fewer than --least percent were killed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("area", choices=TESTS)
+    parser.add_argument("area", choices=PLAN["tests"])
     parser.add_argument("--count", type=int, default=120, help="places that are mutated")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
     parser.add_argument("--only", help="modules, separated by commas")
@@ -300,7 +267,7 @@ def main() -> int:
         os.chdir(root)
         os.environ["PYTHONPATH"] = str(root / "src")
         sys.path.insert(0, str(root / "src"))
-        for name in LIBRARIES:  # which every mutant's tests need and no mutant changes
+        for name in PLAN["libraries"]:
             import_module(name)
         return study(root, options)
 

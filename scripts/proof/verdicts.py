@@ -13,18 +13,19 @@ The exit status is 1 if a fit is sound and wrong, or 2 % of the clean ones are n
 
 import argparse
 import sys
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
+import common
 import numpy as np
 from scipy.signal import cont2discrete
 
 from helisim.base.errors import HelisimError
-from helisim.ident import Structure, frequency_response, identify, structures
+from helisim.ident import Structure, frequency_response, identify
 from helisim.ident.structure import with_blocks
-from helisim.records.record import CHANNELS, Channel, FlightRecord
+from helisim.records.record import FlightRecord
 
 FINE, EVERY = 1e-3, 10  # s of the simulation's step; samples of it between those recorded
 ERRORS, SHARE = 3.0, 0.01  # stated errors, and share of the value, from which a parameter is wrong
@@ -34,10 +35,7 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure with values, main parameters, sweeps' length (s) and noise of outputs (SI).
-
-    `pilot` has what an input gets of states, so that an unstable truth stays in place.
-    """
+    """A structure with values and what verdicts.toml says of it; sweeps of `length` s."""
 
     structure: Structure
     values: Mapping[str, float]
@@ -46,38 +44,10 @@ class Truth:
     size: float = 0.1
     band: tuple[float, float] = (0.5, 40.0)
     length: float = 60.0
-    pilot: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    law: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-ROTOR = {"tau_f": 0.12, "L_b": 180.0, "M_a": 110.0, "A_b": 0.2, "B_a": -0.15, "A_lat": -0.01}
-ROTOR |= {"A_lon": 0.12, "B_lat": 0.1, "B_lon": 0.015, "tau_lat": 0.02, "tau_lon": 0.025}
-SPEEDS = ROTOR | {"A_u": 2e-3, "A_v": -5e-4, "L_p": 0.0, "M_q": 0.0}
-SHIP = structures.transfer_function(zeros=1, poles=2, input="ped", output="r", name="nomoto")
-PILOT = {"lat": {"phi": -0.4, "v": -0.02}, "lon": {"theta": -0.4, "u": 0.02}}
-ROLLPITCH = ("tau_f", "L_b", "M_a", "A_lon", "B_lat")
-TRUTHS = {
-    "rollpitch": Truth(structures.rollpitch, ROTOR, ROLLPITCH, 0.01),
-    "rollpitch_speeds": Truth(
-        structures.rollpitch_speeds, SPEEDS, ROLLPITCH, 0.01, size=0.05, pilot=PILOT
-    ),
-    "yaw": Truth(
-        structures.yaw_base,
-        {"N_r": -1.5, "N_ped": 60.0, "tau_r_base": 0.03},
-        ("N_r", "N_ped"),
-        0.01,
-    ),
-    "heave": Truth(
-        structures.heave_imu, {"Z_w": -1.1, "Z_col": -90.0, "tau_col": 0.02}, ("Z_w", "Z_col"), 0.3
-    ),
-    "ship": Truth(SHIP, dict(zip(SHIP.names, (60.0, 120.0, 8.9, 7.2, 0.04))), SHIP.names[:4], 0.01),
-    "slow": Truth(
-        structures.yaw_base,
-        {"N_r": -0.4, "N_ped": 8.0, "tau_r_base": 0.1},
-        ("N_r", "N_ped"),
-        0.02,
-        band=(0.3, 12.0),
-    ),
-}
+TRUTHS = common.truths(Path(__file__).with_suffix(".toml"), Truth)
 
 
 def sweep(length: float, band: tuple[float, float], size: float, seed: int) -> np.ndarray:
@@ -117,12 +87,10 @@ def fly(
         for name, k in zip(structure.inputs, dice.integers(1 << 30, size=len(structure.inputs)))
     }
     ad, bd, *_ = cont2discrete((a, b, c, d), FINE, "zoh")
-    law = np.array(
-        [[truth.pilot.get(i, {}).get(x, 0.0) for x in structure.states] for i in structure.inputs]
-    )
+    law = common.law_of(truth, structure.states)
     state, asked = np.zeros(len(a)), np.stack(list(command.values()))
     path = np.empty((asked.shape[1], len(a)))
-    if truth.pilot:  # without delay inside: what it commands is known as it goes
+    if truth.law:  # without delay inside: what it commands is known as it goes
         assert actuator is None
         steps = np.rint(matrices["input_delays"].ravel() / FINE).astype(int)
         for k in range(asked.shape[1]):
@@ -159,33 +127,32 @@ def _late(values: np.ndarray, delay: float) -> np.ndarray:
 def record(columns: Columns, step: float = FINE * EVERY) -> FlightRecord:
     names = list(columns)
     time = np.arange(columns[names[0]].size) * step
-    channels = [CHANNELS.get(name) or Channel(name, "1", "OTHER", name) for name in names]
-    return FlightRecord(time, np.column_stack([columns[name] for name in names]), tuple(channels))
+    channels = tuple(map(common.channel_of, names))
+    return FlightRecord(time, np.column_stack([columns[name] for name in names]), channels)
+
+
+def each(truth: Truth) -> list[tuple[str, int]]:
+    """Return the axis and number of two sweeps of each axis."""
+    return [(axis, k) for axis in truth.structure.inputs for k in (0, 1)]
 
 
 def flights(truth: Truth, seed: int, **how) -> list[FlightRecord]:
-    """Return two sweeps of each axis."""
-    return [
-        record(fly(truth, axis, 10 * seed + k, **how))
-        for axis in truth.structure.inputs
-        for k in (0, 1)
-    ]
+    return [record(fly(truth, axis, 10 * seed + k, **how)) for axis, k in each(truth)]
 
 
-def changed(change: Callable[[Columns, int], Columns], attitude: bool = True, step: float = 0.01):
+def changed(change: Callable[[Columns, int], Columns], without: tuple[str, ...] = (), step=0.01):
     """Return a damage that changes recorded columns."""
 
     def damage(truth: Truth, seed: int) -> list[FlightRecord]:
-        found = []
-        for axis in truth.structure.inputs:
-            for k in (0, 1):
-                columns = change(fly(truth, axis, 10 * seed + k), 100 * seed + k)
-                if not attitude:
-                    columns = {n: v for n, v in columns.items() if n not in ("phi", "theta", "psi")}
-                found.append(record(columns, step))
-        return found
+        flown = (change(fly(truth, axis, 10 * seed + k), 100 * seed + k) for axis, k in each(truth))
+        return [record({n: v for n, v in c.items() if n not in without}, step) for c in flown]
 
     return damage
+
+
+def mapped(change: Callable[[np.ndarray], np.ndarray], names: tuple[str, ...], **how):
+    """Return a damage that changes each of some columns."""
+    return changed(lambda c, _: {n: change(v) if n in names else v for n, v in c.items()}, **how)
 
 
 def within(change: Callable[[np.ndarray], np.ndarray]):
@@ -198,24 +165,30 @@ def exchanged(one: str, other: str):
     return changed(lambda c, _: {swap.get(n, n): v for n, v in c.items()})
 
 
-def scaled(factor: float, names: tuple[str, ...]):
-    return lambda c, _: {n: v * factor if n in names else v for n, v in c.items()}
-
-
 def two_trims(truth: Truth, seed: int) -> list[FlightRecord]:
-    other = dict(truth.values) | {"L_b": 110.0}
-    return [
-        record(fly(truth, axis, 10 * seed + k, values=(truth.values, other)[k]))
-        for axis in truth.structure.inputs
-        for k in (0, 1)
-    ]
+    trims = truth.values, dict(truth.values) | {"L_b": 110.0}
+    return [record(fly(truth, axis, 10 * seed + k, values=trims[k])) for axis, k in each(truth)]
+
+
+def walked(u: np.ndarray, move: Callable[[float, float], float]) -> np.ndarray:
+    """Return what follows u, each value made of the one before and of u."""
+    out, at = np.empty_like(u), 0.0
+    for k, x in enumerate(u):
+        out[k] = at = move(at, x)
+    return out
 
 
 def lag(u: np.ndarray, tau: float = 0.03) -> np.ndarray:
-    out, state, share = np.empty_like(u), 0.0, 1.0 - np.exp(-FINE / tau)
-    for k, x in enumerate(u):
-        out[k] = state = state + share * (x - state)
-    return out
+    share = 1.0 - np.exp(-FINE / tau)
+    return walked(u, lambda at, x: at + share * (x - at))
+
+
+def hysteresis(u: np.ndarray) -> np.ndarray:
+    return walked(u, lambda at, x: min(max(at, x - 0.02), x + 0.02))
+
+
+def rate_limit(u: np.ndarray) -> np.ndarray:
+    return walked(u, lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE))
 
 
 def dropped(c: Columns, seed: int) -> Columns:
@@ -248,23 +221,7 @@ def gusts(truth: Truth, seed: int) -> list[FlightRecord]:
     return found
 
 
-def hysteresis(u: np.ndarray) -> np.ndarray:
-    out, at, half = np.empty_like(u), 0.0, 0.02
-    for k, x in enumerate(u):
-        out[k] = at = min(max(at, x - half), x + half)
-    return out
-
-
-def rate_limit(u: np.ndarray) -> np.ndarray:
-    out, at, most = np.empty_like(u), 0.0, 0.8 * FINE
-    for k, x in enumerate(u):
-        at += min(max(x - at, -most), most)
-        out[k] = at
-    return out
-
-
 RATES, ANGLES = ("p", "q"), ("phi", "theta")
-DEG = 180.0 / np.pi
 DAMAGES = {
     "saturates at half": within(lambda u: np.clip(u, -0.05, 0.05)),
     "softens with size": within(lambda u: 0.1 * np.tanh(u / 0.1) * 0.9),
@@ -277,31 +234,18 @@ DAMAGES = {
     "two trims": two_trims,
     "clock 10 % fast": changed(lambda c, _: c, step=0.009),
     "clock 20 % fast": changed(lambda c, _: c, step=0.008),
-    "rates in deg/s": changed(scaled(DEG, RATES)),
-    "rates in deg/s, no attitude": changed(scaled(DEG, RATES), attitude=False),
+    "rates in deg/s": mapped(np.degrees, RATES),
+    "rates in deg/s, no attitude": mapped(np.degrees, RATES, without=(*ANGLES, "psi")),
     "2 % dropped, restamped": changed(dropped),
     "16 % lost in bursts, filled": changed(bursts),
-    "p of the wrong sign": changed(scaled(-1.0, ("p",))),
-    "attitude in degrees": changed(scaled(DEG, ANGLES)),
+    "p of the wrong sign": mapped(np.negative, ("p",)),
+    "attitude in degrees": mapped(np.degrees, ANGLES),
     "gusts": gusts,
-    "rate 20 % off": changed(scaled(1.2, ("p",))),
-    "output filter of 40 ms": changed(
-        lambda c, _: {
-            n: lag(np.repeat(v, EVERY), 0.04)[::EVERY] if n in RATES else v for n, v in c.items()
-        }
-    ),
-    "motion clipped": changed(
-        lambda c, _: {
-            n: np.clip(v, -0.4 * abs(v).max(), 0.4 * abs(v).max()) if n in RATES else v
-            for n, v in c.items()
-        }
-    ),
-    "time shift of outputs": changed(
-        lambda c, _: {n: np.roll(v, -6) if n not in ("lat", "lon") else v for n, v in c.items()}
-    ),
+    "rate 20 % off": mapped(lambda v: 1.2 * v, ("p",)),
+    "output filter of 40 ms": mapped(lambda v: lag(np.repeat(v, EVERY), 0.04)[::EVERY], RATES),
+    "motion clipped": mapped(lambda v: v.clip(-(most := 0.4 * abs(v).max()), most), RATES),
+    "time shift of outputs": mapped(lambda v: np.roll(v, -6), (*RATES, *ANGLES, "psi")),
 }
-
-
 MISSING = {
     name: {"lat,lon": "first_order:name=missing"}
     for name in ("servo lag missing", "servo lag, quiet")
@@ -333,8 +277,7 @@ def judged(
     """Identify the records, and return the verdict beside the truth."""
     inputs, outputs = truth.structure.inputs, truth.structure.outputs
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with common.quiet():
             frf = frequency_response(records, inputs=inputs, outputs=outputs, band=truth.band)
             fit = identify(frf, truth.structure)
     except HelisimError as error:
@@ -349,8 +292,7 @@ def judged(
         max(gap[name] / size[name] for name in gap),
     )
     if missing and found.misled:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with common.quiet():
             lag = identify(frf, with_blocks(truth.structure, missing))["missing_tau"]
         found = found._replace(shown=abs(lag.value) / lag.standard_error)
     return found
@@ -367,7 +309,7 @@ def main() -> int:
     wrong = hidden = clean = unsound = 0
     print(f"{'damage':28s}  verdicts; sound yet wrong; worst error, stated errors and share")
     for name, truth, damage, count in cases:
-        if not any(one in name for one in o.only.split(",")) or not count:
+        if not common.wanted(o.only, name) or not count:
             continue
         missing = MISSING.get(name)
         seeds = (damage(TRUTHS[truth], seed) for seed in range(count))
@@ -378,10 +320,10 @@ def main() -> int:
         wrong, hidden = wrong + bad, hidden + unseen
         if damage is flights:
             clean, unsound = clean + count, unsound + count - words.count("sound")
-        said = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
         worst = max(found, key=lambda one: one.errors)
         print(
-            f"{name:28s}  {said}; {bad}; {worst.errors:.1f}, {100 * worst.share:.1f} %"
+            f"{name:28s}  {common.counted(words)}; {bad}; {worst.errors:.1f}, "
+            f"{100 * worst.share:.1f} %"
             + (f"; {unseen} more that the record can't show" if unseen else ""),
             *(f"\n    {one}" for one in found[0].reasons[:1]),
             flush=True,

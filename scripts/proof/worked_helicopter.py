@@ -55,7 +55,7 @@ class Flight(NamedTuple):
 
 @cache
 def flights(changes: tuple[tuple[str, float], ...] = ()) -> dict[str, Flight]:
-    own = {**OWN, **dict(changes)}
+    own = {"airframe.mass": MASS, **OWN, **dict(changes)}
     own |= flapping_of(own).to_parameters()
     with TemporaryDirectory() as at:
         folder = shutil.copytree(model_folder("lynx"), Path(at) / "example")

@@ -10,7 +10,7 @@ import pytest
 
 import helisim as hs
 from closed_loops import flown, known_loop
-from exact_fits import found
+from command import parm_file
 from helisim import ident, load, read_record
 from helisim.base.settings import FrozenMap
 from helisim.cli import main
@@ -18,7 +18,8 @@ from helisim.cli.vehicle import speeds_of
 from helisim.records.storage import write_record
 from helisim.study import models
 from helisim.study.models import Tolerance
-from parm_file import parm_file
+from ident_data import found
+from tabled import tabled
 
 
 def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
@@ -164,16 +165,7 @@ def test_each_speed_has_its_linearisation(tmp_path, capsys, jr700):
     assert fast["inputs"] == ["col", "lon", "lat", "ped"]
 
 
-@pytest.mark.parametrize(
-    ("text", "speeds"),
-    [
-        ("0:20:5", [0.0, 5.0, 10.0, 15.0, 20.0]),
-        ("0:0.3:0.1", [0.0, 0.1, 0.2, 0.3]),  # three steps of 0.1 are more than 0.3, rounded
-        ("0:7:4", [0.0, 4.0]),
-        ("3:3:1", [3.0]),
-        ("12,0", [12.0, 0.0]),
-    ],
-)
+@tabled("text", "speeds")
 def test_speeds_are_read_as_they_are_meant(text, speeds):
     assert speeds_of(text) == pytest.approx(speeds, abs=1e-12)
 

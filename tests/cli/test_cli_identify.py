@@ -15,6 +15,7 @@ from helisim.ident import Structure, load_fit, structures
 from helisim.logs import read_log
 from helisim.logs.examples import copy_examples
 from helisim.records.storage import write_record
+from sid_logs import SidLog
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
 
 SLOW = {"control", "matplotlib", "mujoco", "numba", "pandas", "rerun", "scipy.signal"}
@@ -63,23 +64,7 @@ def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
     assert main(["verify", str(model), str(path), "--from", "20.1"]) == 0
 
 
-OWN = """
-name = "climb"
-states = ["w", "inflow"]
-inputs = ["col"]
-outputs = ["w"]
-[parameters]
-Z_w = { unit = "1/s", start = -0.5 }
-Z_col = { unit = "m/s^2", start = -10.0 }
-lag = { unit = "s", start = 0.1, bounds = [0.01, 1.0] }
-[M]
-inflow = { inflow = "lag" }
-[F]
-w = { w = "Z_w", inflow = "Z_col" }
-inflow = { inflow = -1 }
-[G]
-inflow = { col = 1 }
-"""
+OWN = Path(__file__).with_name("own_structure.toml").read_text(encoding="utf-8")
 CLIMB = {"Z_w": -0.8, "Z_col": -25.0, "lag": 0.12}
 
 
@@ -239,3 +224,68 @@ def test_recorded_sticks_are_the_reference(tmp_path, capsys):
     assert "rad/s, direct, local" in said
     assert "verdict: doubtful: feedback" in said  # N_r is 1.8 errors from the joint one's
     assert "beside it" not in said
+
+
+# `helisim identify flight.bin`, and nothing else.
+
+SHORT = {"length": 12.0, "low": 1.0}
+
+
+def test_options_overrule_what_the_log_says(tmp_path, capsys):
+    path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    out = tmp_path / "yaw.json"
+    words = ["--structure", "yaw_base", "--band", "8", "40", "--channel", "r=RATE.Y:deg/s"]
+    main(["identify", str(path), *words, "--json", str(out), "--quiet"])
+    text = capsys.readouterr().out
+    assert "r = RATE.Y [deg/s], 100 Hz: given" in text
+    assert "from 8 to 40 rad/s" in text.replace("\n", " ")
+    assert out.exists()
+
+
+def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
+    path, other = SidLog().save(tmp_path), tmp_path / "a.csv"
+    assert "no SystemID messages (SIDS, SIDD)" in fails(capsys, "identify", path)
+    assert "has one" in fails(capsys, "identify", path, "--time", "t:s")
+    other.write_text("t,p\n0,0\n")
+    assert "--structure has to be said" in fails(capsys, "identify", other)
+    SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    assert "choose one by --structure" in fails(capsys, "identify", path, "--fix", "N_r=-3")
+
+
+CODE = """
+import contextlib, io, sys, time
+from pathlib import Path
+from helisim.cli import main
+with contextlib.redirect_stdout(io.StringIO()) as said:
+    status = main(["identify", sys.argv[1], "--quiet"])
+state = Path("/proc/self/status").read_text().splitlines()
+peak = next(one.split()[1] for one in state if one.startswith("VmHWM"))  # of this process alone
+print(status, time.process_time(), peak, "rollpitch" in said.getvalue())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read of Linux")
+def test_ten_minutes_are_identified_within_ten_seconds_and_twice_the_logs_memory(tmp_path):
+    """Sweeps at 400 Hz between what an autopilot logs besides: 110 MB, 2 million messages."""
+    log = SidLog(rate=400.0)
+    count = 250_000
+    fields = [("head", "u1", 3), ("us", "<u8"), ("numbers", "<f4", 10), ("flag", "u1")]
+    rows = np.zeros(count, fields)
+    rows["head"] = (0xA3, 0x95, 90)
+    rows["us"] = 2500 * np.arange(count)
+    rows["numbers"] = np.random.default_rng(1).normal(size=(count, 10)) * 20.0
+    for number in (90, 91):
+        log.define(number, f"PI{number}", "Q" + 10 * "f" + "B", "TimeUS,A,B,C,D,E,F,G,H,I,J,K")
+    for axis in (10, 11, 12, 13):
+        for number in (90, 91):
+            rows["head"][:, 2] = number
+            log.messages.append(rows.tobytes())
+        log.sweep(axis)
+    path = log.save(tmp_path)
+    size = path.stat().st_size
+    assert size > 100e6
+    status, seconds, kilobytes, fitted = python(CODE, path).split()
+    assert (status, fitted) == ("0", "True")
+    assert float(seconds) < 10.0
+    assert 1024.0 * float(kilobytes) < 2.0 * size

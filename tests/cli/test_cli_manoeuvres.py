@@ -13,7 +13,7 @@ from command import fails
 from helisim.cli import main
 from helisim.cli.flying import _commands
 from helisim.records.storage import read_record
-from helisim.sim import Chirp, Deck, FlightPlan, Ground, Swing
+from helisim.sim import Chirp, Deck, FlightPlan, Swing
 from helisim.sitl import Link
 from script import SCRIPTS
 
@@ -21,6 +21,8 @@ sys.path.insert(0, str(SCRIPTS / "proof"))
 
 import lock_step
 import played_autopilot as played
+
+from tabled import tabled
 
 
 @pytest.fixture
@@ -95,17 +97,7 @@ HEAVE, ROLL = Swing(amplitude=0.3, period=6.0), Swing(amplitude=0.05, period=8.0
 SEA = Deck(length=8.0, heave=HEAVE, roll=ROLL)
 
 
-@pytest.mark.parametrize(
-    ("text", "meant"),
-    [
-        ("flat", Ground()),
-        ("flat,parked", Ground(parked=True)),
-        ("slope=0.1,uphill=1.5", Ground(slope=0.1, uphill=1.5)),
-        ("deck", Ground(deck=Deck())),
-        ("deck,length=8,heave=0.3/6,roll=0.05/8,effect=0.5", Ground(deck=SEA, effect=0.5)),
-        ("width=3", Ground(deck=Deck(width=3.0))),
-    ],
-)
+@tabled("text", "meant")
 def test_the_plan_has_the_ground_that_is_asked_for(capsys, tmp_path, text, meant):
     assert main([*FLY, "--ground", text, "--print-plan"]) == 0
     printed = capsys.readouterr().out

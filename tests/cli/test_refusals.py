@@ -14,11 +14,11 @@ import pytest
 
 from closed_loops import flown, known_loop
 from command import fails
-from exact_fits import found
 from helisim import ident
 from helisim.cli import _COMMANDS, command_names, main
 from helisim.cli.options import coloured, progress, wrapped
 from helisim.records.storage import write_record
+from ident_data import found
 from swept_logs import BAD, csv_writer
 
 CASES = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()

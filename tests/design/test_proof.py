@@ -32,7 +32,7 @@ from helisim.handling.spec import Spec
 from helisim.records.record import IN1, IN2
 from helisim.records.storage import read_record
 from helisim.sim import FlightPlan, Pilot, Pulse, Recorder, Weather
-from small_laws import HOLDS
+from own_laws import HOLDS
 from tabled import tabled
 
 TRUE = Recorder(noise={}, resolution={}, latency={})

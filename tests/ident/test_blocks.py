@@ -1,14 +1,25 @@
 """Blocks by name: each has its closed form, and in series it multiplies the response."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.signal import butter, freqs
+from scipy.signal import butter, cont2discrete, freqs, lfilter
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.ident import Structure, blocks, identify, in_series
+from helisim.cli import main
+from helisim.ident import Structure, blocks, frequency_response, identify, in_series, structures
+from helisim.ident.ardupilot import ArduPilotModel, numbers_of
 from helisim.ident.evaluate import response
+from helisim.ident.feedback import answered
+from helisim.ident.frf import ClosedLoopWarning
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
-from ident_data import data
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
+from helisim.study.paper import published
+from ident_data import HEAVE, data, fitted
+from script import loaded
+from tabled import tabled
 
 GRID = np.geomspace(0.5, 80.0, 25)
 S = 1j * GRID
@@ -93,11 +104,7 @@ def test_blocks_are_read_from_words():
         ("third_order:omega=3", UnknownNameError, "third_order"),
         ("first_order:omega=3", UnknownNameError, "'omega'"),
         ("first_order:tau=fast", InputError, r"tau = 'fast' of the block .* isn't a number"),
-        (
-            "low_pass:corner=3,order=12",
-            InputError,
-            "order of the low-pass .* at most 8, got 12",
-        ),
+        ("low_pass:corner=3,order=12", InputError, "order of the low-pass .* at most 8, got 12"),
         ("first_order:tau=1+-2+-3", InputError, "lat_tau must be a list of 2 numbers"),
     ):
         with pytest.raises(error, match=what):
@@ -130,3 +137,212 @@ def test_a_file_has_its_blocks_in_a_table(tmp_path):
     path.write_text(yaw_base.to_toml() + "\n[series]\nped = 3\n")
     with pytest.raises(InputError, match=r"series.ped must be text, got 3"):
         Structure.from_toml(path)
+
+
+# Identified models as ArduPilot's state-space helicopter: its file, its equations, its limits.
+
+AS_IT_IS = dict.fromkeys(("col", "lon", "lat", "ped"), 1.0)
+
+
+def values_of(table) -> dict[str, float]:
+    return {one.name: one.value for one in table.values}
+
+
+BLADE = (
+    (structures.rollpitch, values_of(published("blade360")["rollpitch_in1"])),
+    (structures.yaw_base, values_of(published("blade360")["yaw_base"])),
+    (structures.heave, values_of(published("blade360")["heave"])),
+)
+
+
+def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
+    """The published helicopter in helisim's structures gives what the pull request's file holds."""
+    # Tools/autotest/models/blade360.json of ArduPilot's pull request 29462, at commit 5ad7596;
+    # the forces of the tilted thrust there are 9.81 m/s^2
+    theirs = {
+        "Ma1s": 796.7, "Lb1s": 5115.2, "Xa1s": -9.81, "Yb1s": 9.81, "Zw": -0.5910, "Nr": -2.0131,
+        "Nped": 63.0040, "Zcol": -22.3239, "tf": 0.0353, "Lfa1s": 1.0477, "Mfb1s": -1.0057,
+        "Lflt": 0.2375, "Lflg": -0.0286, "Mflt": 0.0344, "Mflg": 0.2292, "time_delay_rp": 40,
+        "time_delay_ped": 40, "time_delay_col": 40,
+    }  # fmt: skip
+    numbers, remarks = numbers_of(BLADE, full=AS_IT_IS, late={})
+    assert numbers == pytest.approx(theirs, rel=5e-4)  # 9.81 for 9.80665
+    assert not remarks
+    halved, _ = numbers_of(BLADE, full={}, late={})
+    by_full = {"Nped": 0.5, "Lflt": 0.5, "Lflg": 0.5, "Mflt": 0.5, "Mflg": 0.5}
+    ratios = {name: halved[name] / numbers[name] for name in numbers}
+    assert ratios == pytest.approx({**dict.fromkeys(numbers, 1.0), **by_full})
+
+
+def test_servos_become_delays():
+    """What the file has no state for stands in what it has, and is said."""
+    servo = blocks.second_order("swash", omega=200.0, zeta=0.7)
+    structure = in_series(structures.rollpitch, inputs={"lat": servo, "lon": servo})
+    own = values_of(published("blade360")["rollpitch_in1"]) | {"tau_lon": 0.041}
+    values = structure.starts | own
+    numbers, remarks = numbers_of([(structure, values)], full=AS_IT_IS, late={"p": 0.02, "q": 0.02})
+    # servo 2 zeta / omega = 7 ms, and of 40 and 41 ms the recorder's 20: 27 and 28 ms
+    assert numbers["time_delay_rp"] == 28.0
+    said = " ".join(remarks)
+    assert "stand as delays" in said
+    assert "27.0 ms of lat, 28.0 ms of lon" in said
+    found, _ = numbers_of([(structures.rollpitch, own)], full=AS_IT_IS, late={})
+    assert {**numbers, "time_delay_rp": 0.0} == pytest.approx({**found, "time_delay_rp": 0.0})
+
+
+def test_a_model_of_a_fit_has_the_vehicles_numbers():
+    """Revolutions a minute, degrees, and collective as shares; a negative one is refused."""
+    heave = fitted(structures.heave, HEAVE)
+    made = ArduPilotModel.of([heave], rotor_speed=100.0 * np.pi, hover_lean=np.pi / 60, hover=0.4)
+    assert made.values["Zw"] == pytest.approx(HEAVE["Z_w"])
+    vehicle = {"nominal_rpm": 3000.0, "hover_lean": 3.0, "coll_hover": 0.4}
+    vehicle |= {"coll_min": 0.0, "coll_max": 1.0}
+    assert {name: made.values[name] for name in vehicle} == pytest.approx(vehicle)
+    for wrong in ({"rotor_speed": 0.0}, {"hover": 1.1}, {"hover": -0.1}):
+        with pytest.raises(InputError, match="rotor_speed must be above 0"):
+            ArduPilotModel.of([heave], **{"rotor_speed": 200.0} | wrong)
+
+
+SPEEDS = structures.rollpitch_speeds
+
+
+def test_flap_back_becomes_derivatives_by_the_velocities():
+    """Without coupling the disc rests at A_u u + A_v v, back: M_u = M_a A_u, M_v = M_a A_v."""
+    drift = {"A_u": 2e-3, "A_v": -5e-3, "A_b": 0.0, "B_a": 0.0, "L_b": 500.0, "M_a": 300.0}
+    found, remarks = numbers_of([(SPEEDS, SPEEDS.starts | drift)], full=AS_IT_IS, late={})
+    expected = {"Mu": 0.6, "Mv": -1.5, "Lu": -2.5, "Lv": -1.0, "Xu": -9.80665 * 2e-3}
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+    assert "no place for 0.049 in du/dt by v, -0.049 in dv/dt by u" in " ".join(remarks)
+
+
+ORDER = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
+
+
+@tabled("parts", "message")
+def test_model_that_has_no_place_says_which_number(parts, message):
+    """Nothing is lost without a word."""
+    with pytest.raises(InputError, match=message):
+        numbers_of(parts, full={}, late={})
+
+
+def test_other_commands_and_numbers_are_checked():
+    """A number or a command that doesn't exist is refused."""
+    with pytest.raises(UnknownNameError, match=r"'Lb1'.*did you mean Lb1s"):
+        ArduPilotModel({"Lb1": 1.0})
+    with pytest.raises(UnknownNameError, match="'roll'"):
+        numbers_of(BLADE, full={"roll": 1.0}, late={})
+    split = replace(structures.rollpitch, name="split", M=(), F=tuple(
+        tuple("-2" if i == j == 2 else "-1" if i == j == 3 else cell for j, cell in enumerate(row))
+        for i, row in enumerate((("0",) * 4,) * 4)
+    ))  # fmt: skip
+    with pytest.raises(InputError, match="one lag"):
+        numbers_of([(split, structures.rollpitch.starts)], full={}, late={})
+
+
+# Feedback without a recorded reference is seen where gusts go round it, and only there.
+
+gusts = loaded("proof/gusts")
+YAW = replace(gusts.TRUTHS["yaw"], length=60.0, count=2)
+
+
+@pytest.fixture(scope="module")
+def records():
+    """One set of sweeps in gusts that go round the loop."""
+    return gusts.fly(YAW, 0)[0]
+
+
+def test_gusts_that_go_round_a_loop_are_told_and_a_reference_ends_that(records):
+    direct = gusts.estimated(YAW, records, reference=False)
+    assert direct.verdict.word != "sound"
+    (note,) = [note for note in direct.verdict.reasons if note.kind == "feedback"]
+    assert "comes back in ped" in note.text
+    assert "record the sticks" in note.text
+    joint = gusts.estimated(YAW, records, reference=True)
+    assert joint.verdict.word == "sound", str(joint)
+    for name, value in YAW.values.items():
+        # three standard errors: one parameter in 370 is beyond
+        assert abs(joint[name].value - value) < 3.0 * joint[name].standard_error
+
+
+@pytest.mark.parametrize("change", [gusts.open_loop, gusts.calm])
+def test_gusts_without_a_loop_and_a_loop_without_gusts_are_no_feedback(change):
+    (records,) = gusts.fly(change(YAW), 0)
+    frf = frequency_response(records, inputs="ped", outputs="r", band=(0.6, 25.0))
+    assert frf.evidence == ()
+
+
+@pytest.mark.parametrize("reference", [None, ("PED", "LAT")])
+def test_the_answer_to_a_conditioning_input_is_no_feedback(reference):
+    # a mode that rings for 3 s after a sweep of the other axis has passed it
+    dice, step, records = np.random.default_rng(0), 0.02, []
+    servo = cont2discrete(([30.0], [1.0, 30.0]), step, "zoh")
+    own = cont2discrete(([60.0], [1.0, 1.5]), step, "zoh")
+    ringing = cont2discrete(([200.0, 0.0], [1.0, 0.6, 9.0]), step, "zoh")
+    every = round(step / gusts.FINE)
+    for k in range(4):
+        stick = 0.02 * gusts.sweeps(YAW, dice, 2)[::every]
+        stick[:, k % 2] *= 50.0
+        at = [lfilter(servo[0].ravel(), servo[1], one) for one in stick.T]
+        r = sum(lfilter(b.ravel(), a, u) for (b, a, _), u in zip((own, ringing), at))
+        columns = np.column_stack([*at, *stick.T, r + dice.normal(0.0, 0.01, len(r))])
+        names = map(gusts.common.channel_of, ("ped", "lat", "PED", "LAT", "r"))
+        records.append(FlightRecord(np.arange(len(r)) * step, columns, tuple(names)))
+    frf = frequency_response(
+        records,
+        inputs="ped",
+        conditioning="lat",
+        outputs="r",
+        band=(0.6, 25.0),
+        reference=reference,
+    )
+    assert not [note for note in frf.evidence if note.kind == "feedback"]
+
+
+def test_a_reference_that_answers_gusts_is_told(records):
+    assert records[0].names == ("ped", "PED", "r")
+    # a pilot who closes the loop himself
+    held = [replace(one, values=one.values[:, [0, 0, 2]]) for one in records]
+    frf = frequency_response(held, inputs="ped", outputs="r", band=(0.6, 25.0), reference="PED")
+    (note,) = frf.evidence
+    assert note.kind == "feedback"
+    assert "fly hands off" in note.text
+
+
+def test_the_bias_that_noise_in_a_loop_makes_is_measured():
+    # y = 2 u + v and u = r - v / 2, white: H = 2 + S_vu / S_uu of least squares
+    dice = np.random.default_rng(0)
+    count, step = 40_000, 0.05
+    swept = np.where(np.arange(count) % 4000 < 1000, 1.0, 0.1)
+    r, v = swept * dice.normal(size=count), 0.3 * dice.normal(size=count)
+    u = r - 0.5 * v
+    bias = -0.5 * 0.09 / np.mean(u**2)
+    rest, made = (2.0 * u + v) - (2.0 + bias) * u, (2.0 + bias) * u
+    found = answered([(u[:, None], rest[:, None], made[:, None])], [step], (1.0, 20.0), 1)
+    assert np.mean(found.surprise) > 20.0
+    # of 7 bands, with 5 % error each by `chance`
+    size = np.sqrt(np.mean(found.bias - found.chance))
+    assert size == pytest.approx(abs(bias) / (2.0 + bias), rel=0.2)
+    noise = answered([(r[:, None], v[:, None], made[:, None])], [step], (1.0, 20.0), 1)
+    assert np.mean(noise.surprise) < 3.0  # exponential: one of 7 in 10 million
+
+
+@pytest.mark.slow
+def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
+    truth = gusts.TRUTHS["hover"]
+    found = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=True)
+    # of 60 intervals of 95 %, 51 hold the truth but for one time in 3000
+    assert np.mean(found.inside) >= 0.85
+    assert found.words.count("sound") >= 10
+    direct = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=False)
+    assert "sound" not in [word for word, bad in zip(direct.words, direct.harmful(truth)) if bad]
+
+
+def test_gusts_in_a_loop_leave_the_sticks_the_reference(tmp_path, capsys):
+    """Gusts that come back are coherent with the input, and make the sticks look idle."""
+    (records,) = gusts.fly(replace(YAW, gust=(2.4, 0.5, {"r": 1.0})), 0)
+    logs = [str(write_record(one, tmp_path / f"{k}.parquet")) for k, one in enumerate(records)]
+    with pytest.warns(ClosedLoopWarning):
+        status = main(["identify", *logs, "--structure", "yaw_base", "--quiet"])
+    said = capsys.readouterr().out
+    assert "joint input-output" in said
+    assert status != 1

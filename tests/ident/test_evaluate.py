@@ -10,13 +10,8 @@ from test_structures import GOOD
 
 from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
-from helisim.ident.evaluate import (
-    Sensitivity,
-    linear,
-    response,
-)
+from helisim.ident.evaluate import Sensitivity, linear, response
 from ident_data import response_and_slope, slopes
-from late import LATE
 
 GRID = np.geomspace(0.5, 20.0, 15)
 
@@ -98,6 +93,20 @@ def test_what_is_undefined_is_not_finite():
 WIDE = np.geomspace(0.4, 30.0, 40)
 
 
+LATE = Structure(
+    name="late",
+    parameters=(
+        *(Parameter("a", "1/s", -1.5), Parameter("b", "1", 3.0), Parameter("tau_in", "s", 0.04)),
+        *(Parameter("tau_p", "s", 0.03), Parameter("tau_q", "s", -0.02)),
+    ),
+    states=("p", "q"),
+    inputs=("lat", "lon"),
+    outputs=("p", "q"),
+    F=(("a", "0.4"), ("0", "2*a")),
+    G=(("b", "0"), ("1", "b")),
+    input_delays={"lat": "tau_in"},
+    output_delays={"p": "tau_p", "q": "tau_q"},
+)
 SIDE = Structure.from_dict(tomllib.loads(GOOD))
 """With H1, D, delays on both sides and a tied parameter."""
 

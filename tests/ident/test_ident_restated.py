@@ -280,25 +280,7 @@ OFF = 1.5 * np.exp(0.4j)
 LOW = "cost is at the band's lower edge, outside 2.85 to 20 rad/s"
 
 
-@pytest.mark.parametrize(
-    ("ratio", "coherence", "told", "band"),
-    [
-        (np.where(EDGED < 1.5, OFF, 1.01), 1.0, LOW, "2.9 20"),
-        # half a turn at the first frequency, which goes on to a whole one: none
-        (np.exp(1j * np.clip(np.linspace(3.1, 10.0, 41), None, 2.0 * np.pi)), 1.0, LOW, "2.9 20"),
-        (
-            np.where(EDGED > 15.0, OFF, 1.01),
-            1.0,
-            "100 % of its cost is at the band's upper edge, outside 1 to 7.01 rad/s",
-            "1 7",
-        ),
-        # 2 dB of 14 points against degrees of 27: 56 of 73.7, and 56 of 75.3
-        (np.where(FIRST, 10.0**-0.1, np.exp(0.1068j)), 1.0, "76 % of its cost", "2.9 20"),
-        (np.where(FIRST, 10.0**-0.1, np.exp(0.1117j)), 1.0, None, None),
-        (np.full(41, OFF), 0.75, None, None),
-        (np.full(41, OFF), 0.7, "coherence is 0.70 on average: something else moves y,", None),
-    ],
-)
+@tabled("ratio", "coherence", "told", "band")
 def test_the_shape_of_an_error_tells_its_cause(ratio, coherence, told, band):
     """Three quarters of the cost in a third of the points at an edge, else low coherence."""
     note = shape("y/u", EDGED, ratio, np.full(41, coherence))
@@ -367,17 +349,7 @@ def test_stated_errors_are_the_scatter_of_many_disturbances():
     assert stated / size == pytest.approx(measured / size, abs=0.25)
 
 
-@pytest.mark.parametrize(
-    ("ripple", "deviation", "used"),
-    [
-        (0.0036, 0.0, 2),  # J of 0.0097: as good as no noise at all
-        (0.0037, 0.0, 3),  # beyond that the third start, the best of a race, has to agree
-        (0.35, 0.0, 3),
-        (0.36, 0.0, 5),  # J of 105: no shared minimum is believed
-        (0.057, 0.02, 2),  # 1.97 times what noise leaves
-        (0.058, 0.02, 3),
-    ],
-)
+@tabled("ripple", "deviation", "used")
 def test_a_search_ends_where_noise_is_left_or_a_race_agrees(ripple, deviation, used):
     """Residuals of a ripple, that no yaw model follows, over the points' deviation."""
     values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete, dlsim, periodogram
 
-from exact_fits import found as exactly
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
 from helisim.ident import Parameter, Structure, structures, verify
@@ -15,6 +14,8 @@ from helisim.ident.verification import overall_theil
 from helisim.ident.verify import _noise
 from helisim.records.record import FlightRecord
 from ident_data import fitted, record
+from ident_data import found as exactly
+from tabled import tabled
 
 
 def system(*matrices):
@@ -36,11 +37,7 @@ def test_simulation_is_the_exact_discretisation():
 
 
 @settings(max_examples=15, deadline=None)
-@given(
-    lag=st.integers(-37, 37),
-    other=st.integers(-37, 37),
-    seed=st.integers(0, 1000),
-)
+@given(lag=st.integers(-37, 37), other=st.integers(-37, 37), seed=st.integers(0, 1000))
 def test_delays_of_either_sign_are_exact_between_samples(lag, other, seed):
     """A delay of so many tenths of a sample is what a ten times finer simulation shifts by."""
     random = np.random.default_rng(seed)
@@ -187,15 +184,7 @@ def test_noise_is_told_by_the_fastest_fifth_of_the_spectrum():
     assert _noise(values) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("growth", "samples", "kind", "unstable"),
-    [
-        (0.8, 130, "whole", True),  # three doublings are 2.6 s
-        (0.8, 132, "segments", True),
-        (0.002, 170, "whole", False),  # a hundredth of a doubling is 3.47 s
-        (0.002, 176, "whole", True),
-    ],
-)
+@tabled("growth", "samples", "kind", "unstable")
 def test_a_model_is_unstable_from_a_hundredth_of_a_doubling_and_cut_from_three(
     growth, samples, kind, unstable
 ):

@@ -10,6 +10,7 @@ from helisim.base.errors import HelisimError
 from helisim.ident import Structure, frequency_response, identify_records, structures
 from helisim.ident.evaluate import delayed, linear, simulate
 from ident_data import ROLLPITCH, YAW, record
+from tabled import tabled
 
 lost_samples = script.loaded("proof/lost_samples")
 
@@ -67,7 +68,7 @@ CASES = {
     "short period": (
         (SHORT_PERIOD, AIRCRAFT),
         (("lon", THREETWOONEONE, 0.5, 8.0, 0.05), ("lon", DOUBLET, 0.6, 7.0, 0.05)),
-        (np.array([0.1, 0.005]), 0.02, None, range(100, 120)),
+        (np.array([0.1, 0.005]), 0.02, None, range(100, 110)),
     ),
     "yaw": (
         (structures.yaw_base, YAW),
@@ -96,7 +97,7 @@ def test_short_manoeuvres_give_the_truth_within_the_stated_errors(case):
             flown(structure, truth, moves, noise, seed, step), structure, band=band
         )
         errors.append([(fit[k].value - truth[k]) / fit[k].standard_error for k in truth])
-    # 18 to 100 normalised errors: three deviations are exceeded by 0.3 %; their rms scatters by
+    # 18 to 50 normalised errors: three deviations are exceeded by 0.3 %; their rms scatters by
     # a sixth at the fewest
     assert np.mean(np.abs(errors) < 3.0) >= 0.95
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.5
@@ -137,13 +138,11 @@ def in_time(flights, structure, truth, sigma, fine=4):
 @pytest.mark.parametrize("case", [pytest.param("short period", marks=pytest.mark.slow), "yaw"])
 def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
     (structure, truth), moves, (noise, step, _, _) = CASES[case]
-    for seed in (1, 2):
-        flights = flown(structure, truth, moves, noise, seed, step)
-        fit = identify_records(flights, structure)
-        other = in_time(flights, structure, truth, noise)
-        for one, value in zip(structure.free, other):
-            # half a stated error: the two differ by the lines above the band alone
-            assert abs(fit[one.name].value - value) < 0.5 * fit[one.name].standard_error, one.name
+    flights = flown(structure, truth, moves, noise, 1, step)
+    fit = identify_records(flights, structure)
+    for one, value in zip(structure.free, in_time(flights, structure, truth, noise)):
+        # half a stated error: the two differ by the lines above the band alone
+        assert abs(fit[one.name].value - value) < 0.5 * fit[one.name].standard_error, one.name
 
 
 def test_a_state_that_moves_at_first_and_a_drift_take_nothing_from_the_parameters():
@@ -169,16 +168,7 @@ def test_a_state_that_moves_at_first_and_a_drift_take_nothing_from_the_parameter
         assert fit[name].value == pytest.approx(value, rel=3e-3), name
 
 
-@pytest.mark.parametrize(
-    ("changes", "options", "message"),
-    [
-        ({"lon": 0.3}, {}, "input 'lon' is constant"),
-        ({"q": 0.0}, {}, "output 'q' is constant"),
-        ({}, {"band": (1.0, 3.0)}, "lines from 1 to 3 rad/s"),
-        ({}, {"band": (1.0, 500.0)}, "samples resolve only"),
-        ({}, {"searches": 0}, "searches"),
-    ],
-)
+@tabled("changes", "options", "message")
 def test_what_allows_no_fit_is_refused(changes, options, message):
     (structure, truth), moves, (noise, step, _, _) = CASES["short period"]
     (flight,) = flown(structure, truth, moves[:1], noise, 1, step)
@@ -204,7 +194,7 @@ def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
     moves = [("ped", THREETWOONEONE, 0.4, 10.0, 0.1)] * 2
     names = [one.name for one in structures.yaw_base.free]
     errors, widths = [], []
-    for seed in range(6):
+    for seed in range(3):
         flights = flown(structures.yaw_base, YAW, moves, np.array([0.02]), seed, step=0.01)
         fits = [identify_records(flights, structures.yaw_base)]
         dice = np.random.default_rng(seed)
@@ -213,5 +203,5 @@ def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
         off = [(fits[1][name].value - YAW[name]) / fits[1][name].standard_error for name in names]
         errors.append(off)
         widths.append([fits[1][n].standard_error / fits[0][n].standard_error for n in names])
-    assert np.max(np.abs(errors)) < 3.5  # of 18 chances
+    assert np.max(np.abs(errors)) < 3.5  # of 9 chances
     assert np.all(np.mean(widths, axis=0) > 1.0)

@@ -18,6 +18,7 @@ from helisim.ident.evaluate import linear, response
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program, value_at
 from helisim.ident.transfer import transfer_function
 from ident_data import of_model
+from tabled import tabled
 
 FREQUENCY = np.geomspace(0.7, 30.0, 7)
 
@@ -31,21 +32,7 @@ def evaluated(text, values):
     return program.fill(at)["F"].item(), slopes
 
 
-@pytest.mark.parametrize(
-    ("text", "value", "slope"),
-    [
-        ("-tau", -2.0, {"tau": -1.0}),
-        ("a*tau - 3", 7.0, {"a": 2.0, "tau": 5.0}),
-        ("a/tau**2", 1.25, {"a": 0.25, "tau": -1.25}),
-        ("sqrt(tau*2) + exp(0)", 3.0, {"tau": 0.5}),
-        ("tau**-1", 0.5, {"tau": -0.25}),
-        ("log(a*tau/10) + 1", 1.0, {"a": 0.2, "tau": 0.5}),
-        ("(-tau)**3", -8.0, {"tau": -12.0}),
-        ("(-tau/4)**0.5", math.nan, {"tau": math.nan}),  # a negative number has whole powers only
-        ("1/(tau - 2)", math.nan, {"tau": math.nan}),
-        ("sqrt(-a)", math.nan, {"a": math.nan}),
-    ],
-)
+@tabled("text", "value", "slope")
 def test_expressions_give_value_and_exact_derivative(text, value, slope):
     """An expression's derivative is the one found by hand; what is undefined is no crash."""
     got, gradient = evaluated(text, {"tau": 2.0, "a": 5.0})
@@ -148,24 +135,7 @@ def test_a_structure_survives_its_file_and_json(structure, tmp_path):
     assert again.to_toml() == text
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "error", "message"),
-    [
-        ('v = "Y_v"', 'v = "Y_w"', UnknownNameError, r"F\.v\.v.*Y_v, Y_lat, tau, g"),
-        ('"-Y_v/4"', '"-Y_v/"', InputError, r"F\.x\.v.*can't read the expression"),
-        ("ay = { v = 1 }", "az = { v = 1 }", UnknownNameError, "row of H1 'az'.*ay, v"),
-        ("start = -0.2\n", "", InputError, "parameter 'Y_v' needs start"),
-        ("start = -0.2", "start = nan", InputError, "'Y_v'.start must be a finite number, got nan"),
-        ("[0.0, 9.0]", "[3.0, 9.0]", InputError, "'Y_lat' has bounds 3.0 to 9.0 and starts"),
-        ("scale = 0.05", 'size = "1"', UnknownNameError, "setting of parameter 'tau' 'size'"),
-        ('states = ["v", "x"]', 'states = "vx"', InputError, "states must be a list of names"),
-        ('lat = "tau"', 'lon = "tau"', UnknownNameError, "name in input_delays 'lon'.*lat"),
-        ("g = 9.80665", "Y_v = 9.8", InputError, "names repeat: Y_v"),
-        ("[F]", "[K]", UnknownNameError, "setting of structure 'K'"),
-        ("x = -1 }", "x = true }", InputError, r"F\.x\.x must be text or a number, got True"),
-        ('name = "side"\n', "", InputError, "structure needs name"),
-    ],
-)
+@tabled("old", "new", "error", "message")
 def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message):
     """Each mistake ends in one message with the file, the entry, and what exists or is expected."""
     assert GOOD.count(old) >= 1
@@ -178,23 +148,7 @@ def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message
 HEAVE = structures.heave.to_dict()
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"F": [["Z_q"]]}, UnknownNameError, "available: Z_w, Z_col, tau_col"),
-        ({"G": [["Z_col", "0"]]}, InputError, r"1 rows of \[2\] entries, expected 1 of 1"),
-        ({"F": []}, InputError, "F is missing"),
-        ({"H0": [], "outputs": ["q"]}, InputError, "H0 must be given"),
-        ({"output_delays": {"q": "tau_col"}}, UnknownNameError, "name in output_delays"),
-        (
-            {"inputs": [], "G": [[]], "D": [[]], "input_delays": {}},
-            InputError,
-            "one input",
-        ),
-        ({"inputs": ["w"], "G": [["1"]], "input_delays": {}}, InputError, "signal names repeat: w"),
-        ({"states": [""], "F": [["0"]], "G": [["0"]], "H0": [["1"]]}, InputError, "name is empty"),
-    ],
-)
+@tabled("change", "error", "message")
 def test_a_structure_that_does_not_fit_together_is_refused(change, error, message):
     """Delays of signals that it lacks, names twice, matrices of another shape."""
     with pytest.raises(error, match=message):
@@ -251,14 +205,7 @@ def test_structures_move_to_other_channels():
             call()
 
 
-@pytest.mark.parametrize(
-    ("change", "further"),
-    [
-        ({}, set()),
-        ({"M": (("1", "a"), ("0", "1"))}, {"x1/u2"}),
-        ({"F": (("-1", "1"), ("a", "-1")), "M": (("1", "0"), ("0", "0"))}, {"x1/u2"}),
-    ],
-)
+@tabled("change", "further")
 def test_responses_of_a_chain_run_one_way(change, further):
     """x2 follows x1, not the other way; a mass matrix couples both; D reaches on its own."""
     chain = Structure(

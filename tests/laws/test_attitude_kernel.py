@@ -14,7 +14,7 @@ from helisim.design.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LA
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
 from helisim.physics.gyro import Seen
-from small_laws import HOLDS
+from own_laws import HOLDS
 
 PERIOD = 0.002
 STILL = Seen(*np.zeros(len(Seen._fields)).tolist())

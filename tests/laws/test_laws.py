@@ -11,7 +11,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli import main
 from helisim.physics.laws import Called
 from helisim.vehicle.law import linearize_law
-from small_laws import FULL, HOLDS, INPUTS, LAT, random_law
+from own_laws import FULL, HOLDS, INPUTS, LAT, random_law
 from tabled import tabled
 
 OMEGA = np.geomspace(0.2, 150.0, 60)

@@ -8,6 +8,7 @@ import autopilot_logs
 from helisim.base.errors import StorageError
 from helisim.logs import Clock, Column, Layout, Map, read_log
 from helisim.logs.read import open_source
+from tabled import tabled
 
 T = np.arange(400) * 0.01
 P = np.sin(3.0 * T)
@@ -20,19 +21,7 @@ def read(path, *names, time=None):
     return read_log(path, channels=map_).records[0]["p"]
 
 
-@pytest.mark.parametrize(
-    ("text", "names"),
-    [
-        ("time;p\n" + "\n".join(f"{t:.2f};{p:.9f}".replace(".", ",") for t, p in zip(T, P)), ()),
-        ("# a table\n  t    p\n" + "\n".join(f"  {t:.2f}  {p:.9f} " for t, p in zip(T, P)), ()),
-        ("\n".join(f"{t:.2f},{p:.9f}" for t, p in zip(T, P)), ("time", "p")),
-        ("t,p\nms,rad/s\n" + "\n".join(f"{1e3 * t:.2f},{p:.9f}" for t, p in zip(T, P)), ()),
-        (
-            "time,p\n" + "\n".join(f"2026-01-31T12:00:{t:09.6f}Z,{p:.9f}" for t, p in zip(T, P)),
-            (),
-        ),
-    ],
-)
+@tabled("text", "names")
 def test_a_table_is_read_with_decimal_commas_blanks_no_heading_or_dates(tmp_path, text, names):
     path = tmp_path / "a.csv"
     path.write_text(text)

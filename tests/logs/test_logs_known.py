@@ -20,25 +20,12 @@ from helisim.logs.mapping import named_column
 from helisim.logs.read import open_source
 from helisim.logs.screening import Channels
 from helisim.logs.timing import steadiness
+from tabled import tabled
 
 P = {"p": Column("p", "rad/s")}
 
 
-@pytest.mark.parametrize(
-    ("steps", "max_gap", "kind", "numbers", "rate"),
-    [
-        # steps in ms; mean, rms, largest error in ms, gaps; Hz
-        ([], None, "uniform", (0, 0, 0, 0), 0.0),
-        ([10.0123] * 5, None, "uniform", (10.0123, 0, 0, 0), 99.8772),
-        ([10] * 8 + [46], None, "uniform", (10, 0, 0, 1), 100.0),
-        ([10] * 8 + [55, 10] * 2, 0.06, "irregular", (17.5, 16.7705, 37.5, 0), 57.1),
-        ([10] * 8 + [44], 0.04, "uniform", (10, 0, 0, 1), 100.0),
-        ([9, 11.03] * 10, None, "jitter", (10.015, 1.015, 1.015, 0), 99.9),
-        ([7, 13] * 10, None, "irregular", (10, 3, 3, 0), 100.0),
-        ([10] * 99 + [16], None, "irregular", (10.06, 0.59699, 5.94, 0), 99.4),
-        ([20, 30], 0.01, "irregular", (25, 0, 0, 2), 40.0),
-    ],
-)
+@tabled("steps", "max_gap", "kind", "numbers", "rate")
 def test_a_clock_is_judged_by_its_steps(steps, max_gap, kind, numbers, rate):
     found = steadiness(np.cumsum([5.0, *(1e-3 * one for one in steps)]), max_gap)
     assert (found.kind, found.gaps, found.rate) == (kind, numbers[3], rate)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from autopilot_logs import table
+from command import said
 from helisim.base.errors import HelisimError, InputError, LogError, RecordError, StorageError
 from helisim.logs import Clock, Column, Map, read_log, read_logs, screen
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
-from remedies import said
 
 P, SECONDS = {"p": Column("p", "rad/s")}, Clock("t", "s")
 MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, SECONDS)

@@ -119,17 +119,7 @@ def test_answers_have_their_coherence_and_the_best_is_first():
     assert (az.output, az.structure) == ("az", "tf:1/1")
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "rates", "band"),
-    [
-        (2.0, 10.0, {}, (2.0 / 1.3, 13.0)),  # 1.3 beyond what was excited, to either side
-        (0.01, 10.0, {}, (0.314, 13.0)),  # windows are a fifth of the record: 2 pi / 20 s
-        (2.0, 100.0, {}, (2.0 / 1.3, 31.4)),  # ten samples a period: of the record,
-        (2.0, 10.0, {"q": 10.0}, (2.0 / 1.3, 6.28)),  # of a channel as logged
-        (2.0, 10.0, {"lat": 12.0, "q": 20.0}, (2.0 / 1.3, 7.54)),
-        (5.0, 5.9, {}, None),  # less than an octave is not worth a line
-    ],
-)
+@tabled("low", "high", "rates", "band")
 def test_an_answer_has_the_band_that_is_excited_and_sampled(low, high, rates, band):
     found = [one for one in answered(low, high, rates) if one.output == "q"]
     assert len(found) == (band is not None)
@@ -178,32 +168,7 @@ def guessed(columns, log_format="CSV", given=(), units=()):
 SWING = np.sin(np.arange(400) / 20.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "unit"),
-    [
-        ("p", 7.9 * SWING, "rad/s"),
-        ("p", 8.1 * SWING, "deg/s"),  # 460 deg/s are more than a helicopter's
-        ("p", np.where(np.arange(400) == 7, 100.0, SWING), "rad/s"),  # of 99 %
-        ("phi", 6.2 * SWING, "rad"),
-        ("phi", 6.4 * SWING, "deg"),  # a turn
-        ("theta", 1.59 * SWING, "rad"),
-        ("theta", 1.62 * SWING, "deg"),  # a quarter of a turn, and 2 %
-        ("az", SWING - 9.8, "m/s^2"),
-        ("az", 0.1 * SWING + 1.0, "g"),
-        ("az", SWING - 990.0, "mg"),
-        ("az", SWING - 32.0, "ft/s^2"),
-        ("down", 500.0 * SWING, "m"),
-        ("lat", 1.5 * SWING, "1"),
-        ("lat", 1.6 * SWING, "percent"),
-        ("lat", 104.0 * SWING, "percent"),
-        ("lat", 106.0 * SWING, "1"),
-        ("lat", 1500.0 + 780.0 * SWING, "us"),
-        ("lat", 1500.0 + 820.0 * SWING, "1"),
-        ("lat", 47.1 + 0.1 * SWING, None),  # a place on the earth
-        ("p", SWING[:2], "rad/s"),
-        ("p", SWING[:1], None),
-    ],
-)
+@tabled("name", "values", "unit")
 def test_a_unit_is_guessed_by_size(name, values, unit):
     found = guessed({name: (50.0, values)})
     assert (found[name].column.unit if name in found else None) == unit
@@ -226,17 +191,7 @@ def test_a_family_has_one_unit_and_what_is_stated_or_given_stays():
     assert (found["p"].why, found["r"].why) == ("given", "its name; unit stated")
 
 
-@pytest.mark.parametrize(
-    ("columns", "taken"),
-    [
-        ({"RATE.R": 100.0, "IMU.GyrX": 100.0}, "RATE.R"),
-        ({"IMU.GyrX": 100.0, "RATE.R": 100.0}, "RATE.R"),  # the better name, wherever it stands,
-        ({"IMU.GyrX": 100.0, "RATE.R": 70.0}, "RATE.R"),
-        ({"IMU.GyrX": 100.0, "RATE.R": 60.0}, "IMU.GyrX"),  # unless it is 1.5 times as slow
-        ({"RATE.R": 100.0, "IMU.GyrX": 145.0}, "RATE.R"),
-        ({"RATE.R": 100.0, "IMU.GyrX": 155.0}, "IMU.GyrX"),
-    ],
-)
+@tabled("columns", "taken")
 def test_of_columns_of_a_channel_the_better_or_the_faster_is_taken(columns, taken):
     found = guessed({name: (rate, SWING) for name, rate in columns.items()}, "DataFlash")
     assert found["p"].column.column == taken

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import autopilot_logs
+from command import said
 from helisim.base.errors import InputError
 from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
@@ -19,7 +20,6 @@ from helisim.logs.examples import examples
 from helisim.look import look
 from helisim.look.excitation import answers, whole
 from helisim.records.record import CHANNELS, FlightRecord
-from remedies import said
 from tabled import tabled
 
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
@@ -359,15 +359,7 @@ def test_one_doublet_of_a_long_log_is_taken_by_itself(tmp_path):
         same_response(runs(found, tmp_path), frequency, tolerance=0.03)  # of the fit's noise
 
 
-@pytest.mark.parametrize(
-    ("heading", "unit", "rate"),
-    [
-        ("TIME (SEC),DLAT (IN),P (DEG/SEC),x,y", "1", "deg/s"),
-        ("log.t_s,Aileron(%),RollRate(deg/s),x,y", "percent", "deg/s"),
-        ("timestamp_s,yoke_roll,omega[0],x,y", "percent", "deg/s"),
-        ("t [s],actuator_controls.roll [deg],gyro_rad[0],x,y", "deg", "deg/s"),
-    ],
-)
+@tabled("heading", "unit", "rate")
 def test_headings_of_many_hands_are_understood(tmp_path, heading, unit, rate):
     found = look(flown(tmp_path / "a.csv", heading=heading))
     units = {one.name: one.column.unit for one in found.logs[0].channels}

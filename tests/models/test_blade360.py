@@ -37,6 +37,7 @@ def test_linearised_flight_has_the_published_derivatives_and_balance_is_closed(v
     assert total_inertia(model, "blade360") == pytest.approx(np.diag(solved), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_calibration_needs_no_tuned_gyro():
     given = read_parameters(FOLDER / "parameters.toml")
     known = published("blade360")

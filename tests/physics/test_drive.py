@@ -22,6 +22,7 @@ from helisim.sim.flight import simulate
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.trim import place
+from tabled import tabled
 
 MAXON = {
     "drive_engine": drive.ELECTRIC,
@@ -157,23 +158,7 @@ GOVERNOR |= {"engine": drive.COMBUSTION, "gear": 8.0, "power": 2e3, "power_speed
 GOVERNOR |= {"bail_out": 0.5, "inertia": 0.1}
 
 
-@pytest.mark.parametrize(
-    ("commanded", "speed", "throttle", "integral", "rate", "growth"),
-    [
-        (1.0, 0.99, 0.5398, 0.5, 0.0, 0.005),  # 0.5 + 0.4 x 0.05 + 2 x 0.01 x 0.99 are wanted
-        (1.0, 0.98, 0.5, 0.5, 0.592, 0.01 * (0.1 - 0.0592) / 0.05),  # throttle is yet to follow
-        (1.0, 0.97, 0.4, 0.5, 1.782, 0.0),  # by far
-        (1.0, 0.5, 0.57, 0.5, 0.0, 0.02),  # no harder than at 5 % of error; and the spool-up's
-        (1.0, 0.99, 0.9798, 0.94, 0.0, 0.005 * 0.0202 / 0.05),  # near full throttle
-        (1.0, 0.5, 0.2, 0.5, 2.0, 0.0),  # bail-out: no faster than this
-        (1.0, 1.02, 0.4792, 0.5, 0.0, -0.01),
-        (1.0, 1.02, 0.0, 0.5, 2.0, 0.0),  # no torque to take away
-        (1.0, 1.02, 0.02, 0.0408, 0.0, -0.01 * 0.02 / 0.05),  # hardly any throttle
-        (0.0, 0.5, 0.3, 0.4, -3.0, 0.0),  # cut, to be caught again
-        (0.04, 0.15, 0.3, 0.4, -3.0, -0.2),
-        (0.0, 0.0, 0.0, 0.4, 0.0, -0.4),  # at rest it is forgotten in a second
-    ],
-)
+@tabled("commanded", "speed", "throttle", "integral", "rate", "growth")
 def test_the_governor_is_its_known_law(commanded, speed, throttle, integral, rate, growth):
     """Proportional and integral part by hand, and each of what holds the integral back."""
     par = block(main_speed=180.0, **{f"drive_{name}": one for name, one in GOVERNOR.items()})

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from helisim.physics import inflow
 from helisim.physics.inflow import balance, mass_flow
+from tabled import tabled
 
 SLOPE = 0.25 * 6.0 * 0.054
 """Of the blades' CT by v: a sigma / 4."""
@@ -33,27 +34,7 @@ def induced_velocity(climb, advance=0.0):
     )
 
 
-@pytest.mark.parametrize(
-    ("x", "within"),
-    [
-        # fully formed, the ring is the fit: exact at its knots, the cubics between leave 1.8 %
-        (-1.75, 1e-12),
-        (-1.6, 0.018),
-        (-1.5, 0.012),
-        (-1.4, 0.012),
-        (-1.25, 1e-12),
-        (-1.1, 0.012),
-        (-1.0, 0.012),
-        (-0.9, 0.012),
-        (-0.75, 0.012),
-        # towards the hover, whose momentum theory the fit leaves at twice its slope
-        (-0.6, 0.03),
-        (-0.5, 0.045),
-        (-0.3, 0.08),
-        # the fit's own 1.026 at the windmill's edge, where theory has 1
-        (-2.0, 0.03),
-    ],
-)
+@tabled("x", "within")
 def test_descent_follows_leishmans_fit(x, within):
     assert induced_velocity(x) == pytest.approx(measured(x), rel=within)
 

@@ -5,17 +5,23 @@ no term is near zero. What differs is rounding: sums of some ten terms of at mos
 """
 
 import copy
+import math
 
 import mujoco
 import numpy as np
 import pytest
 import restated
+from hypothesis import given
+from hypothesis import strategies as st
+from numba import njit
+from scipy.integrate import quad
 
 from helisim.physics import air, gyro, pilot
 from helisim.physics.layout import DOUBLET, HISTORY, PARAM, ROTOR_STATES, STATE, SWEEP
 from helisim.physics.native import installed
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.trim import Motion, rotation_matrix, write_motion
+from plates import H3_120
 
 STEP = 0.002
 ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.warming + 1])
@@ -264,3 +270,147 @@ def test_a_gust_comes_and_goes_by_its_cosine():
     assert np.mean([air.one_minus_cosine(t, 1.0, 0.0) for t in np.arange(200) / 100.0]) == (
         pytest.approx(0.5, abs=1e-14)
     )
+
+
+# Sweeps, doublets and the hashed noise behind the human remnant.
+
+hashed_noise, remnant, sweep = (
+    njit(law) for law in (pilot.hashed_noise, pilot.remnant, pilot.sweep)
+)  # the hash wraps around at 64 bits, of which Python's own arithmetic warns
+
+W_MIN, W_MAX, DURATION = 0.3, 30.0, 84.0
+COUNT = 40_000
+SIGMAS = 4.5
+"""Chance of a false alarm 7e-6 for each statement, were the seeds not fixed."""
+
+
+def noise(seed, channel, count=COUNT):
+    return np.array([hashed_noise(seed, channel, k) for k in range(count)])
+
+
+@given(time=st.floats(0.5, DURATION - 0.5))
+def test_phase_derivative_is_the_frequency_formula(time):
+    """d(phase)/dt = w_min + C2 (exp(C1 t/T) - 1)(w_max - w_min), C1 = 4, C2 = 1/(e^4 - 1)."""
+    h = 1e-3
+    phase = [pilot.sweep_phase(time + k * h, DURATION, W_MIN, W_MAX) for k in (-1, 1)]
+    formula = W_MIN + (math.exp(4.0 * time / DURATION) - 1.0) / (math.exp(4.0) - 1.0) * (
+        W_MAX - W_MIN
+    )
+    # truncation h^2/6 (C1/T)^2 w_max = 1.2e-8; rounding 1e-13 / h
+    assert (phase[1] - phase[0]) / (2.0 * h) == pytest.approx(formula, abs=2e-8)
+
+
+def test_unsteady_sweep_differs_by_seed():
+    """A human sweep wobbles about the machine's, each seed in its own way."""
+    time = np.linspace(2.0, DURATION - 2.0, 400)
+    flown = [
+        np.array([sweep(t, DURATION, W_MIN, W_MAX, 1.0, u, s) for t in time])
+        for u, s in ((0.0, 1.0), (0.1, 1.0), (0.1, 2.0))
+    ]
+    assert not np.allclose(flown[1], flown[2])
+    for wobbling in flown[1:]:
+        # rms of 0.1 in amplitude and 0.1 rad in phase: 0.1 of the sweep, within a factor 2
+        assert 0.05 < np.std(wobbling - flown[0]) / np.std(flown[0]) < 0.2
+
+
+@pytest.mark.parametrize(("seed", "channel"), [(0, 3), (2_000_000_000, 2)])
+def test_noise_has_zero_mean_and_unit_variance(seed, channel):
+    """Mean 0 and variance 1 within 4.5 standard errors over 40000 knots, in any channel."""
+    values = noise(seed, channel)
+    assert abs(values.mean()) < SIGMAS / math.sqrt(COUNT)
+    # kurtosis of a sum of four uniforms is 3 - 1.2 / 4 = 2.7: var(s^2) = 1.7 / n
+    assert abs(values.var() - 1.0) < SIGMAS * math.sqrt(1.7 / COUNT)
+    assert np.abs(values).max() <= 2.0 * math.sqrt(3.0)
+
+
+def test_noise_is_white_and_independent():
+    """No correlation from knot to knot, between channels, or between neighbouring seeds."""
+    base = noise(7, 0)
+    others = [base[1:], noise(7, 1), noise(7, 3), noise(8, 0), noise(6, 0), noise(1, 7)]
+    for other in others:
+        count = min(base.size, other.size)
+        correlation = np.mean(base[:count] * other[:count])
+        assert abs(correlation) < SIGMAS / math.sqrt(count)
+
+
+def test_remnant_is_continuous_with_unit_variance():
+    """Linear between knots, and its variance over time is 1."""
+    interval = 0.1
+    knots = [remnant(k * interval, interval, 4.0, 1) for k in range(1, 6)]
+    for k, value in enumerate(knots, start=1):
+        around = [remnant(k * interval + d, interval, 4.0, 1) for d in (-1e-9, 1e-9)]
+        assert around == pytest.approx([value, value], abs=1e-7)  # slope below 100 / s x 1e-9 s
+    time = np.linspace(0.0, 2000.0, 80_001)
+    values = np.array([remnant(t, interval, 4.0, 1) for t in time])
+    # 20000 independent knots; kurtosis of a mixture of neighbours stays below 3
+    assert abs(values.var() - 1.0) < SIGMAS * math.sqrt(2.0 / 20_000)
+
+
+def test_a_sweep_fades_in_and_out():
+    """A sine of its phase, which begins at 0, under a trapezium; nothing before and after."""
+    time = np.linspace(-2.0, DURATION + 2.0, 2001)
+    shape = np.interp(time, [0.0, 3.0, DURATION - 3.0, DURATION], [0.0, 1.0, 1.0, 0.0])
+    phase = [pilot.sweep_phase(t, DURATION, W_MIN, W_MAX) for t in time]
+    found = [pilot.sweep(t, DURATION, W_MIN, W_MAX, 3.0, 0.0, 1.0) for t in time]
+    assert found == pytest.approx(shape * np.sin(phase), abs=1e-12)  # rounding
+    assert pilot.sweep_phase(0.0, DURATION, W_MIN, W_MAX) == 0.0
+
+
+def test_a_doublet_is_as_long_one_way_as_the_other():
+    found = [pilot.doublet(t, 3.0) for t in (-0.1, 0.0, 0.7, 1.49, 1.5, 2.9, 3.0, 9.0)]
+    assert found == [0.0, 1.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0]
+
+
+# The gyro's filters, the swashplate's mixing and the servos' delay.
+
+FREQUENCY, DAMPING = 175.0, 0.7
+unit = st.floats(-1.0, 1.0)
+
+
+@given(
+    first=st.floats(1e-4, 0.1),
+    second=st.floats(1e-4, 0.1),
+    period=st.sampled_from([0.001, 0.002, 0.01]),
+)
+def test_filters_are_sampled_exactly(first, second, period):
+    """Two filters in a row, what drives them held: their convolution, also if they are alike."""
+    decay = math.exp(-period / first)
+    assert gyro.filter_share(first, period) == pytest.approx(1.0 - decay, rel=1e-12)
+    for other in (second, first, first * (1.0 + 1e-9)):
+
+        def arriving(time, other=other):
+            return math.exp(-time / first - (period - time) / other) / other
+
+        wanted, _ = quad(arriving, 0.0, period, epsabs=1e-14, epsrel=1e-12, limit=200)
+        assert gyro.filter_through(first, other, period) == pytest.approx(wanted, rel=1e-9)
+    mean = first / period * (1.0 - decay)
+    assert gyro.filter_mean(first, period) == pytest.approx(mean, rel=1e-12)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.004])
+def test_held_lag_is_the_lag_of_the_sampled_filter(period):
+    """A ramp through the filter of held samples comes out late by `held_lag`."""
+    time_constant = 0.003
+    decay = math.exp(-period / time_constant)
+    state, ramp = 0.0, 0.0
+    for k in range(200):
+        ramp = k * period
+        late = ramp - state
+        state = decay * state + (1.0 - decay) * ramp
+    assert late == pytest.approx(gyro.held_lag(time_constant, period), rel=1e-9)  # settled
+
+
+@given(col=unit, lon=unit, lat=unit)
+def test_unmix_undoes_mix(col, lon, lat):
+    """From swashplate to servos and back is the identity, to rounding."""
+    assert H3_120.unmix(*H3_120.mix(col, lon, lat)) == pytest.approx((col, lon, lat), abs=1e-15)
+
+
+@given(omega=st.floats(0.1, 10.0))
+def test_equivalent_delay_is_the_low_frequency_phase(omega):
+    """Well below its bandwidth the servo's phase is that of a delay 2 z / w."""
+    phase = -np.angle(FREQUENCY**2 / (FREQUENCY**2 - omega**2 + 2j * DAMPING * FREQUENCY * omega))
+    delay = gyro.equivalent_delay(FREQUENCY, DAMPING)
+    assert delay == pytest.approx(0.008, rel=1e-12)  # 8 ms (design, section 5)
+    # next term of the phase is of relative order (omega / frequency)^2
+    assert phase / omega == pytest.approx(delay, rel=(omega / FREQUENCY) ** 2 + 1e-12)

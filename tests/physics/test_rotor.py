@@ -15,8 +15,6 @@ from quasi_steady import inflow_and_thrust
 SOLIDITY = 2 * 0.065 / (math.pi * 0.767)
 SLOPE = 6.0
 STALL = 0.18
-NEVER = 1e3
-"""A stall limit that no thrust reaches."""
 
 ROUNDING = 5e-15
 """Newton ends quadratically, after a last step below 1e-8: what is left is a few roundings of

@@ -1,16 +1,19 @@
-"""Whole evaluations: what no place, heading, hand or steady wind changes, and where power goes."""
+"""Whole evaluations: what no place, heading, hand or steady wind changes."""
+
+import copy
 
 import mujoco
 import numpy as np
 import pytest
+from mujoco import rollout
+from mujoco.batch import Batch
 
-from helisim.physics.layout import PARAM, SENSOR, STATE
-from helisim.physics.motion import Velocities, to_shaft
+from helisim.physics.layout import PARAM, STATE, SWEEP
 from helisim.physics.native import installed
-from helisim.physics.rotor import normal
+from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble
-from helisim.vehicle.trim import Motion, rotation_matrix, write_motion
+from helisim.vehicle.trim import Motion, place, rotation_matrix, write_motion
 from mirror import mirrored, mirrored_parts
 
 FRD = np.array([1.0, -1.0, -1.0])
@@ -107,24 +110,87 @@ def test_place_heading_and_steady_wind_are_not_felt(jr700, parameters, seen):
     assert other_rates == pytest.approx(rates, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("governor", [0.0, 1.0])
-def test_the_shafts_power_is_work_and_heat(jr700, seed, governor):
-    """In air at rest: what the drive gives moves the body and the rotor, or is lost to the air.
+# Vehicles in threads: each flies as it does alone.
 
-    Springs of the hub are left out; half of the torque leans with the disc, and works there.
-    """
-    model, _ = models_of(jr700, {"drive.governor": governor})
-    par = model.actuator_user[addresses(model).rotor]
-    par[[PARAM.hub_stiffness, PARAM.hub_cross]] = 0.0
-    _, rates, sensed, data = felt(model, seed, air=0.0)
-    act = data.act[addresses(model).state :]
-    turn = to_shaft(par, Velocities(0.0, 0.0, 0.0, *data.qvel[3:6] * FRD))
-    x, y, _ = normal(par, act[STATE.flap_a : STATE.flap_b + 1])
-    leaning = 0.5 * par[PARAM.main_direction] * sensed[SENSOR.torque] * (x * turn.p + y * turn.q)
-    given = data.qfrc_passive[:6] @ data.qvel[:6] + sensed[SENSOR.heat]
-    spun = par[PARAM.drive_inertia] * par[PARAM.main_speed] ** 2 * sensed[SENSOR.speed]
-    given += spun * rates["speed"]
-    assert sensed[SENSOR.drive_power] + leaning == pytest.approx(given, rel=1e-9)  # the solver's
-    shafts = sensed[SENSOR.main_power] + sensed[SENSOR.tail_power]
-    assert governor or abs(given / shafts - 1.0) < 0.05
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+def sweeping(model, axis, seed):
+    numbers = model.actuator_user[addresses(model).rotor]
+    numbers[PARAM.pilot_on] = 1.0
+    numbers[PARAM.pilot_down] = -10.0
+    numbers[PARAM.pilot_seed] = seed
+    numbers[PARAM.remnant_col : PARAM.remnant_ped + 1] = 0.005
+    numbers[PARAM.remnant_interval] = 0.1
+    numbers[PARAM.excitation] = SWEEP
+    numbers[PARAM.excitation_duration] = 20.0
+    numbers[PARAM.excitation_col + axis] = 0.05
+    numbers[PARAM.sweep_w_min], numbers[PARAM.sweep_w_max] = 0.8, 40.0
+    numbers[PARAM.sweep_fade] = 1.0
+
+
+@pytest.fixture
+def flights(jr700):
+    """Four vehicles with sweeps of their own, and a common start."""
+    models = []
+    for axis in range(4):
+        model = copy.copy(jr700.model)
+        sweeping(model, axis, seed=axis)
+        models.append(model)
+    data = mujoco.MjData(models[0])
+    place(models[0], data, jr700.trim)
+    state = np.empty(mujoco.mj_stateSize(models[0], FULL))
+    mujoco.mj_getState(models[0], data, state, FULL)
+    return models, state, data.ctrl.copy()
+
+
+def test_batch_threads_do_not_matter(flights):
+    """mujoco.batch takes the callbacks; one thread and two give the same bits as rollout."""
+    models, state, ctrl = flights
+    ends = []
+    for threads in (1, 2):
+        with installed():
+            batch = Batch(models[0], len(models), nthread=threads)
+            batch.set_models(models)
+            for name in ("qpos", "act"):
+                getattr(batch, name)[:] = 0.0
+            for sim, model in enumerate(models):
+                data = mujoco.MjData(model)
+                mujoco.mj_setState(model, data, state, FULL)
+                batch.qpos[sim], batch.act[sim] = data.qpos, data.act
+                batch.history[sim] = data.history
+            control = np.tile(ctrl, (len(models), 100, 1))
+            out = batch.rollout(100, control=control, record=("qpos", "qvel", "act"))
+        ends.append(out)
+    for name in ("qpos", "qvel", "act"):
+        assert np.array_equal(ends[0][name], ends[1][name])
+    start, same = np.tile(state, (len(models), 1)), np.tile(ctrl, (len(models), 100, 1))
+    with installed():
+        states, _ = rollout.rollout(models, data, initial_state=start, control=same, nstep=100)
+    assert np.array_equal(ends[0]["qpos"], states[:, :, 1:8])  # after the time
+
+
+# The vehicle with its rotors stopped: what touches it is felt.
+
+NO_AIRFRAME = {"airframe.drag_area_x": 0.0, "airframe.drag_area_y": 0.0}
+NO_AIRFRAME |= {"airframe.drag_area_z": 0.0, "fin.area": 0.0}
+
+
+@pytest.fixture
+def airless():
+    return load("jr700", parameters=NO_AIRFRAME)
+
+
+def test_what_touches_it_makes_up_for_its_acceleration(airless):
+    """Pushed askew into the ground: mass times (acceleration less gravity) (Newton)."""
+    model = airless.grounded_model(
+        lambda spec, _: spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    )
+    data = mujoco.MjData(model)
+    write_motion(model, data, Motion(u=1.0, v=-0.5, w=0.3, phi=0.3, theta=0.2, psi=1.0, down=0.05))
+    with installed():
+        mujoco.mj_forward(model, data)
+    felt = model.body_subtreemass[1] * (data.qacc[:3] - model.opt.gravity) * [1.0, -1.0, -1.0]
+    # the constraint solver's tolerance
+    assert data.sensor("contact").data == pytest.approx(felt, abs=1e-6 * np.linalg.norm(felt))
+    assert np.all(np.abs(felt) > 1.0)

@@ -1,4 +1,9 @@
+import errno
 import json
+import math
+import os
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -7,9 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.base.errors import RecordError, StorageError
-from helisim.records.record import Channel, FlightRecord, channel
+import helisim as hs
+from helisim import cli
+from helisim.base.errors import StorageError, UnknownNameError
+from helisim.base.files import atomic_write, read_json, read_toml, toml_value, write_json
+from helisim.cli import main
+from helisim.ident import load_fit, structures
+from helisim.logs import Map
+from helisim.logs.examples import FOLDER
+from helisim.records.record import Channel, FlightRecord, channel, versions
 from helisim.records.storage import read_record, write_record
+from script import loaded
 from tabled import tabled
 
 SUFFIXES = (".parquet", ".csv")
@@ -116,23 +129,7 @@ def with_p(table, row, value):
     return table.set_column(3, field, pa.array([1.0] * row + [value] * (50 - row), kind))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "error", "message"),
-    [
-        ("# helisim", "# other", StorageError, "line 1 must be"),
-        ("version 1", "version 9", StorageError, "version 9 of the format"),
-        ("# rows: 3\n", "", StorageError, "needs a line '# rows:'"),
-        ("# rows: 3", "# rows: 4", StorageError, "truncated: 3 rows, .* says 4"),
-        ("{}", "{", StorageError, "'# provenance:' is not JSON"),
-        ('"OUT"', '"IN7"', StorageError, "unknown kind 'IN7'; available: IN1, IN2"),
-        ('"unit": "rad/s", ', "", StorageError, "a channel lacks its unit"),
-        ("p [rad/s]", "p [deg/s]", StorageError, "line 6: .* they must be time .s., p .rad/s., q"),
-        ("0.5,2.0,5.0", "0.5,2.0", StorageError, "line 8: expected 3 numbers, got"),
-        ("0.5,2.0,5.0", "0.5,2.0,nan", RecordError, "channel 'q' is not finite at row 1"),
-        ("0.5,2.0,5.0", "0.0,2.0,5.0", RecordError, "row 1 has 0 s after 0 s"),
-        ("1.0,3.0,6.0\n", "1.0,3.0,6", StorageError, "truncated"),
-    ],
-)
+@tabled("old", "new", "error", "message")
 def test_a_damaged_csv_is_refused(tmp_path, old, new, error, message):
     path = write_record(SMALL, tmp_path / "flight.csv")
     text = path.read_text(encoding="utf-8")
@@ -141,3 +138,249 @@ def test_a_damaged_csv_is_refused(tmp_path, old, new, error, message):
     with pytest.raises(error, match=message) as caught:
         read_record(path)
     assert str(caught.value).startswith(str(path))
+
+
+# Files are written whole or not at all, read where they are sane, and say what made them.
+
+
+def write_half(path: Path, failure: type[BaseException]) -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text("half")
+        raise failure
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError, OSError])
+def test_an_interrupted_write_leaves_the_old_file(tmp_path, failure):
+    path = tmp_path / "results.json"
+    path.write_text("old")
+    with pytest.raises(StorageError if failure is OSError else failure):
+        write_half(path, failure)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def refuse(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    "write", [structures.heave.to_toml, lambda path: write_json({"a": 1}, path)]
+)
+def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkeypatch, write):
+    path = tmp_path / "file.json"
+    path.write_text("old")
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(StorageError, match=r"file\.json: can't write it: No space left"):
+        write(path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "name", ["Flüge und Läufe/日本 1.json", 'it\'s "a" % {file} #1.json', "é" * 120 + ".json"]
+)
+def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    write_json({"name": name}, path)
+    assert read_json(path) == {"name": name}
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "read"),
+    [
+        ("deep.json", "[" * 100_000, read_json),
+        ("deep.json", '{"format":' * 100_000, load_fit),
+        ("deep.toml", "a = " + "[" * 100_000, read_toml),
+        ("deep.toml", "a = " + "[" * 100_000, Map.from_toml),
+        ("deep.toml", "a = " + "9" * 10_000, read_toml),
+        ("list.json", "[1, 2]", read_json),
+        ("half.json", '{"a": 1', read_json),
+        ("bytes.json", "\udcff", read_json),
+    ],
+)
+def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read):
+    """Nesting that exhausts the stack, endless numbers, cut or foreign files name the file."""
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(StorageError, match=name.replace(".", r"\.")):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["", 'a "b" \\ c', "two\nlines", "\x7f\x1f", "é", True, 3, 0.1, 1e-300, math.inf, ["a", [1]]],
+)
+def test_a_toml_value_comes_back(value):
+    assert tomllib.loads(f"x = {toml_value(value)}") == {"x": value}
+
+
+def heave(seed, n=3000):
+    """A vertical speed that answers the collective, as a record without provenance."""
+    rng = np.random.default_rng(seed)
+    col = np.convolve(rng.standard_normal(n), np.ones(9) / 9.0, "same")
+    w = np.zeros(n)
+    for k in range(1, n):
+        w[k] = 0.99 * w[k - 1] - 0.4 * col[k - 1]
+    values = np.column_stack([col, w + 0.01 * rng.standard_normal(n)])
+    return FlightRecord(0.01 * np.arange(n), values, (channel("col"), channel("w")))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """One file of each kind that the commands write, by kind."""
+    folder = tmp_path_factory.mktemp("files")
+    for name, seed in (("sweep", 1), ("other", 2)):
+        write_record(heave(seed), folder / f"{name}.parquet")
+    kinds = ("flight.parquet", "flight.csv", "flight.rrd", "fit.json")
+    kinds += ("fit.html", "frf.json", "frf.csv", "verified.json")
+    out = {kind: folder / kind for kind in kinds}
+    fly = ["fly", "--axis", "lat", "--duration", "13", "--seed", "5"]
+    sweep = str(folder / "sweep.parquet")
+    fit = [f"--json={out['fit.json']}", f"--report={out['fit.html']}"]
+    frf = ["--inputs", "col", "--outputs", "w"]
+    verified = [f"--json={out['verified.json']}"]
+    for command in (
+        [*fly, f"--out={out['flight.parquet']}", f"--rerun={out['flight.rrd']}"],
+        [*fly, f"--out={out['flight.csv']}"],
+        ["identify", sweep, "--structure", "heave", *fit],
+        ["frf", sweep, *frf, f"--json={out['frf.json']}", f"--csv={out['frf.csv']}"],
+        ["verify", *map(str, (out["fit.json"], folder / "other.parquet")), *verified],
+    ):
+        assert main([*command, "--quiet"]) in (0, 1)
+    return out
+
+
+def stated(path):
+    if path.suffix == ".json":
+        return json.loads(path.read_text())["provenance"]
+    if path.name == "frf.csv":
+        return json.loads(path.read_text().splitlines()[0].removeprefix("# provenance: "))
+    return dict(read_record(path).provenance)
+
+
+KINDS = ("flight.parquet", "flight.csv", "fit.json", "frf.json", "frf.csv")
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "verified.json"])
+def test_a_file_states_the_versions(files, kind):
+    found = stated(files[kind])
+    assert found["versions"] == versions()
+    assert found["versions"]["numpy"] == np.__version__
+
+
+@pytest.mark.parametrize("kind", ["flight.parquet", "flight.csv"])
+def test_a_flight_states_vehicle_model_seed_and_configuration(files, kind, jr700):
+    found = stated(files[kind])
+    assert found["model_digest"] == jr700.digest
+    assert (found["vehicle"], found["seed"], found["flight"]) == ("jr700", 5, 0)
+    assert found["excitation"]["axis"] == "lat"
+    assert {"parameters", "timestep_s", "pilot", "recorder", "made_by"} <= found.keys()
+
+
+# The recorded logs that come with helisim.
+
+maker = loaded("examples/make_examples")
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return {name: hs.open_example(name) for name in hs.examples()}
+
+
+def test_each_is_a_short_record_with_its_origin(logs):
+    assert len(logs) == 7
+    for name, record in logs.items():
+        assert 8.0 <= record.duration <= 45.0
+        np.testing.assert_allclose(record.sample_time, 1.0 / maker.RATE)
+        if name != "logger":
+            kind, axis = name.split("_")
+            flown = record.provenance["excitation"]
+            assert (flown["kind"].lower(), flown["axis"]) == (kind, axis)
+            assert record.provenance["vehicle"] == "jr700"
+    with pytest.raises(UnknownNameError, match=r"unknown example 'sweep'; available: sweep_col"):
+        hs.open_example("sweep")
+
+
+@pytest.mark.parametrize(
+    ("structure", "sweeps", "unseen", "options"),
+    [
+        (
+            "rollpitch_speeds",
+            ("sweep_lat", "sweep_lon"),
+            ("doublet_lat", 0.0, 8.0),
+            {"conditioning": ("col", "ped"), "band": (3.0, 42.0)},
+        ),
+        (
+            "yaw_base",
+            ("sweep_ped",),
+            # without sideslip the yaw model holds from 0.8 rad/s up, for seconds
+            ("doublet_ped", 1.5, 4.0),
+            {"conditioning": ("v", "col"), "reference": ("PED", "LAT", "COL"), "band": (0.8, 25.0)},
+        ),
+        ("heave", ("sweep_col",), None, {"reference": ("COL",), "band": (0.8, 12.0)}),
+    ],
+)
+def test_models_are_identified_from_them(structure, sweeps, unseen, options, logs, jr700):
+    model = getattr(hs.structures, structure)
+    frf = hs.frequency_response(
+        [logs[name] for name in sweeps], inputs=model.inputs, outputs=model.outputs, **options
+    )
+    fit = hs.identify(frf, model)
+    assert fit.converged
+    assert fit.excellent
+    found = 0
+    for name, one in fit.parameters.items():
+        if name in jr700.derivatives:
+            truth = jr700.derivatives[name]
+            # one flight an axis, so with more scatter than the bound of the smallest coupling, a
+            # sixth of B_lat: 1.3 of it
+            allowed = 1.5 if name == "B_lon" else 1.0
+            limit = 2.0 * one.standard_error if one.fixed else allowed * one.cramer_rao  # assumed
+            assert abs(one.value - truth) <= limit, (name, one.value, truth)
+            found += 1
+    assert found >= 2
+    if unseen is not None:
+        doublet, start, stop = unseen
+        assert hs.verify(fit, logs[doublet].slice(start, stop)).acceptable
+
+
+def test_the_foreign_log_is_the_same_helicopter_and_the_script_makes_them(logs, jr700, tmp_path):
+    assert logs["logger"].names == ("LAT", "LON", "lat", "lon", "p", "q")
+    responses = [
+        hs.frequency_response(logs[name], inputs="lat", outputs="p", band=(4.0, 20.0))
+        for name in ("logger", "sweep_lat")
+    ]
+    apart = np.abs(responses[0].response / responses[1].response - 1.0)
+    error = np.hypot(*(one.random_error for one in responses))
+    assert np.max(apart / error) < 5.0  # of some forty points, none beyond five deviations
+    assert np.median(apart) < 0.02
+    again = maker.flown(jr700, hs.Doublet(axis="lat"), maker.SEED)
+    shipped = logs["doublet_lat"]
+    assert again.names == shipped.names
+    for name in again.names:
+        # IN1 is computed from three servos, each rounded to its step: three half steps apart
+        step = maker.RESOLUTION.get(name, 1.5 * maker.RESOLUTION["servo_front"])
+        assert np.max(np.abs(again[name] - shipped[name])) <= 1.001 * step, name
+    written = [tmp_path / f"{k}.csv" for k in range(2)]
+    for path in written:
+        maker.write_logger(again, path)
+    assert written[0].read_bytes() == written[1].read_bytes()
+    assert (FOLDER / "logger.toml").read_text(encoding="utf-8") == maker.MAP
+
+
+def test_they_are_copied_for_other_commands(tmp_path, capsys):
+    folder = tmp_path / "new" / "logs"
+    assert cli.main(["examples", "--to", str(folder)]) == 0
+    assert "Written: 8 files in" in capsys.readouterr().out
+    assert {path.name for path in folder.iterdir()} == {path.name for path in FOLDER.iterdir()}
+    assert cli.main(["examples", "--to", str(folder), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    mine = folder / "logger.csv"
+    mine.write_text("mine")
+    (folder / "sweep_lat.parquet").unlink()
+    assert cli.main(["examples", "--to", str(folder)]) == 2
+    assert "logger.csv: exists and is another file" in capsys.readouterr().err
+    assert mine.read_text() == "mine"
+    assert not (folder / "sweep_lat.parquet").exists()

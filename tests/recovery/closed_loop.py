@@ -108,10 +108,7 @@ class Rig:
 
 
 def quadratic_gain(
-    structure: Structure,
-    values: Mapping[str, float],
-    states: Mapping[str, float],
-    inputs: float,
+    structure: Structure, values: Mapping[str, float], states: Mapping[str, float], inputs: float
 ) -> NDArray[np.float64]:
     """Return the linear-quadratic gain for weights of the states' and inputs' squares."""
     model = linear(structure, values)

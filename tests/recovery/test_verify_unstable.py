@@ -14,12 +14,12 @@ import pytest
 from closed_loop import Aircraft
 from fleet import FLEET
 
-from exact_fits import found as exactly
 from helisim.base.errors import InputError
 from helisim.ident import Structure, verify
 from helisim.ident.verification import ACCEPTABLE_TIC, theil
 from helisim.records.record import FlightRecord, channel
 from helisim.study.results import IdentifiedModel
+from ident_data import found as exactly
 from tabled import tabled
 
 UNSTABLE = ("blade_360", "lynx")
@@ -65,9 +65,7 @@ def off_by_30_percent() -> dict[str, float]:
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [off_by_30_percent(), {"tau": 0.0}],
-    ids=["derivatives off by 30 %", "no delay"],
+    "changes", [off_by_30_percent(), {"tau": 0.0}], ids=["derivatives off by 30 %", "no delay"]
 )
 def test_a_wrong_model_of_an_unstable_aircraft_is_not_acceptable(changes):
     """However free the segments' initial states are; the Blade's delay is 40 ms."""

@@ -23,6 +23,7 @@ from helisim.show.terminal import render_results
 from helisim.study.comparison import ComparisonTable, ParameterRow
 from helisim.study.results import Exclusion, Results
 from made_run import make_model
+from tabled import tabled
 
 OMEGA = np.geomspace(0.3, 30.0, 200)
 S = 1j * OMEGA
@@ -40,15 +41,7 @@ def drawings() -> list[Drawing]:
     return [*pairs, *plots.draw_verifications("time", item.verification)]
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "most", "steps", "texts"),
-    [
-        (-0.3, 0.9, 3, (), ["0", "0.5"]),
-        (-0.1, 0.2, 6, (), ["-0.1", "-0.05", "0", "0.05", "0.1", "0.15", "0.2"]),
-        (-200.0, 10.0, 6, (15.0, 45.0, 90.0), ["-180", "-135", "-90", "-45", "0"]),
-        (1.0, 1.0001, 3, (15.0,), ["1", "1.00005", "1.0001"]),
-    ],
-)
+@tabled("low", "high", "most", "steps", "texts")
 def test_ticks_are_round_numbers(low, high, most, steps, texts):
     assert Scale.of(low, high, most=most, steps=steps).texts == texts
 
@@ -76,16 +69,7 @@ def test_a_thinned_history_has_the_same_outline():
         assert (inside.min(), inside.max()) == (piece.min(), piece.max())
 
 
-@pytest.mark.parametrize(
-    ("line", "starts", "ends"),
-    [
-        (1.0 / S, -90.0, -90.0),
-        (-1.0 / S**2, 0.0, 0.0),
-        (S, 90.0, 90.0),
-        (-1.0 / (0.001 * S + 1.0), -180.0, -180.0),
-        (np.exp(-0.2 * S), np.rad2deg(-0.06), np.rad2deg(-6.0)),
-    ],
-)
+@tabled("line", "starts", "ends")
 def test_a_phase_starts_on_its_own_turn(line, starts, ends):
     """As one reads it in a book: no response starts at a turn more."""
     phase = phase_degrees(line)

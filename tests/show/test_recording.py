@@ -1,6 +1,7 @@
 """Rerun recordings: signals, pose, rotors, ground and shapes as record and model have them."""
 
 import json
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,14 +10,17 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
+from command import fails
 from helisim.base.errors import InputError, StorageError
+from helisim.cli import main
 from helisim.physics.motion import flip
 from helisim.records.record import CHANNELS, POSITIONS, RATES, ROTOR, Channel, FlightRecord, channel
+from helisim.records.storage import write_record
 from helisim.show.plots import families
 from helisim.show.recording import model_shapes, write_recording
 from helisim.show.viewer import SLOWED, TILT_GAIN
 from helisim.sim import Deck, FlightPlan, Ground, Pulse, Swing, fly
-from made_run import make_flight
+from made_run import make_flight, write_run
 
 SINGLE = 1e-6
 """Rerun keeps poses and shapes in single precision: 6e-8 of the largest number, here below 10."""
@@ -166,3 +170,43 @@ def test_a_recording_that_can_not_be_made_is_refused(
     with pytest.raises(error, match=message):
         write_recording(tmp_path / name, flights, model=model)
     assert list(tmp_path.iterdir()) == []
+
+
+# The commands `record` and `report`: what they write.
+
+
+def test_a_log_becomes_a_recording(tmp_path, capsys):
+    log, out = tmp_path / "a.parquet", tmp_path / "a.rrd"
+    write_record(make_flight(), log)
+    assert main(["rerun", str(log), "--out", str(out)]) == 0
+    assert f"rerun {out}" in capsys.readouterr().out
+    assert out.stat().st_size > 0
+    assert main(["rerun", str(log), "--out", str(out), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.slow
+def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
+    write_run(tmp_path)
+    assert main(["rerun", str(tmp_path), "--out", str(tmp_path / "run.rrd")]) == 0
+    capsys.readouterr()
+    assert main(["report", str(tmp_path)]) == 0
+    assert f"Written: {tmp_path / 'report.html'}" in capsys.readouterr().out
+    figures = list((tmp_path / "figures").iterdir())
+    assert len(figures) == 5 + 2 + 1  # pairs, sweeps, a verification
+
+
+def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "helisim.show.recording.write_recording",
+        lambda path, flights, *, model, **_: drawn.append(model.names),
+    )
+    both = [str(tmp_path / f"{name}.parquet") for name in ("blade360", "jr700")]
+    for path in both:
+        write_record(make_flight(vehicle=Path(path).stem), path)
+    out = ["--out", str(tmp_path / "a.rrd")]
+    assert main(["rerun", both[0], *out]) == 0
+    assert drawn[0].startswith(b"blade360 ")
+    capsys.readouterr()
+    assert "'blade360', 'jr700'" in fails(capsys, "rerun", *both, *out)

@@ -5,14 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from helisim import Chirp, Doublet, FlightEnvelope, FlightPlan, History, Multisine, Pilot, Pulse
+from helisim import Chirp, FlightEnvelope, FlightPlan, History, Pilot, Pulse
 from helisim.base.errors import InputError
 from helisim.ident import frequency_response
 from helisim.physics.layout import INJECTION
 from helisim.records.storage import read_record, write_record
-from helisim.sim import Recorder, Sequence, Step, Together, fly, read_plan, write_plan
+from helisim.sim import Recorder, Step, Together, fly, read_plan, write_plan
 from helisim.sim.excitation import injection
 from helisim.vehicle import load
+from tabled import tabled
 
 STEADY = {"pilot": Pilot(remnant=0.0), "envelope": FlightEnvelope.off()}
 TRUE = Recorder(noise={}, resolution={}, latency={})
@@ -66,14 +67,7 @@ SENSOR = {"inputs": "r_disturbance", "outputs": "r_sum"}
 COMMAND = {"inputs": "ped", "outputs": "ped_gyro", "reference": "ped_added"}
 
 
-@pytest.mark.parametrize(
-    ("place", "axis", "channels", "exact", "low", "high"),
-    [
-        ("actuators", "ped", ACTUATOR, lambda loop: loop, 0.7, 10.0),
-        ("sensors", "r", SENSOR, lambda loop: 1.0 / (1.0 - loop), 0.1, 1.1),
-        ("servos", "ped", COMMAND, lambda loop: loop, 0.7, 10.0),
-    ],
-)
+@tabled("place", "axis", "channels", "exact", "low", "high")
 def test_the_yaw_loop_is_measured_wherever_it_is_cut(place, axis, channels, exact, low, high):
     """At the tail servo the exact sampled loop; at the sensor the sensitivity, 1 / (1 - loop).
 
@@ -91,26 +85,7 @@ def test_the_yaw_loop_is_measured_wherever_it_is_cut(place, axis, channels, exac
     assert np.abs(wanted).max() > high
 
 
-KINDS = [
-    Step(axis="lat", amplitude=-0.02),
-    Pulse(axis="r", at="sensors", amplitude=0.2),
-    Doublet(axis="ped", at="actuators", amplitude=0.05),
-    Chirp(axis="ped", band=(1.0, 20.0), duration=20.0),
-    Multisine(axis="lat+ped", period=5.0, duration=12.0),
-    History.of([0.0, 1.0, 3.0], [[0.0, 0.0], [0.01, 0.02], [0.0, 0.0]], axis="col+lon",
-               at="servos", method="hold", source="three points"),
-    Sequence(
-        parts=(
-            Step(axis="lat", duration=3.0),
-            Together(parts=(Pulse(axis="ped"), Doublet(axis="lon", at="servos", amplitude=0.03))),
-            Sequence(parts=(Pulse(axis="col", duration=3.0), Step(axis="col", duration=4.0))),
-        ),
-        pause=0.5,
-    ),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("excitation", KINDS, ids=lambda one: type(one).__name__)
+@tabled("excitation")
 def test_every_kind_comes_back_from_a_plan_and_from_a_record(jr700, excitation, tmp_path):
     for plan in (FlightPlan(excitation=excitation), FlightPlan(excitation=excitation).on(jr700)):
         write_plan(plan, tmp_path / "plan.toml")
@@ -128,7 +103,6 @@ def test_every_kind_comes_back_from_a_plan_and_from_a_record(jr700, excitation, 
 
 
 # A disturbance of attitude turns what a controller senses: the angle, and the rate with it
-
 
 FAST = Recorder(noise={}, resolution={}, latency={}, antialias_hz=249.0, rate_hz=500.0)
 

@@ -7,7 +7,11 @@ import control
 import mujoco
 import numpy as np
 import pytest
+from mujoco import rollout
 
+import helisim as hs
+import own_laws
+from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.record import IN1, SERVOS
@@ -15,8 +19,9 @@ from helisim.sim import Doublet, Sweep
 from helisim.sim.flight import fly, simulate
 from helisim.sim.plan import FlightPlan, Pilot
 from helisim.sim.recorder import Recorder
-from helisim.vehicle import load
+from helisim.vehicle import Controller, load
 from helisim.vehicle.addresses import addresses
+from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import Motion, place, write_motion
 from plates import H3_120
 
@@ -90,7 +95,7 @@ def swept(axis, timestep, integrator):
     return {name: getattr(truth, name) for name in SWEPT}
 
 
-@pytest.mark.parametrize("axis", ["lat", "ped"])
+@pytest.mark.parametrize("axis", ["lat", pytest.param("ped", marks=pytest.mark.slow)])
 def test_one_evaluation_a_step_flies_as_four(axis):
     """With Euler's staggered steps every signal of a sweep converges to that of fine RK4 steps.
 
@@ -138,3 +143,102 @@ def test_four_servo_signals_are_recorded_and_give_in1(jr700):
     recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])
     assert record.select(IN1) == pytest.approx(recomputed, abs=1e-15)  # rounding
     assert np.abs(record["ped"]).max() > 0.45  # the gyro's own limit of 0.5, filtered
+
+
+# Controllers in models: of MuJoCo's own steps, of several helicopters, of other processes.
+
+FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
+
+
+def same(one, other):
+    return np.array_equal(one.values, other.values)
+
+
+def test_without_a_controller_the_servos_are_the_callers_also_in_a_flight(jr700):
+    """Nothing overwrites their `ctrl`, in steps of one's own."""
+    model, data = copy.copy(jr700.model), jr700.hovering()
+    hs.set_controller(model, None)
+    where = addresses(model)
+    wanted = [0.1, -0.05, 0.02, 0.3]
+    with hs.installed():
+        for _ in range(100):
+            data.ctrl[where.control + 4 : where.control + 8] = wanted
+            mujoco.mj_step(model, data)
+    assert data.ctrl[where.control + 4 : where.control + 8].tolist() == wanted
+    assert data.sensor("servo_command").data.tolist() == wanted
+    found = data.act[where.state : where.state + 8 : 2]
+    assert found == pytest.approx(wanted, abs=1e-3)  # the servos are there after 0.2 s
+    step = hs.Step(axis="ped", amplitude=0.02, trim_time=1.0, duration=2.0, at="servos")
+    plan = hs.FlightPlan(excitation=step, pilot=hs.Pilot(remnant=0.0))
+    truth = next(simulate(jr700.with_controller(None), plan, jobs=1))
+    held = truth.servo_commands[0]
+    assert held[3] == jr700.trim.ped
+    moved = truth.servo_commands - held
+    late = truth.time > 1.0 - 1e-9
+    assert np.all(moved[:, :3] == 0.0)
+    assert np.all(moved[~late, 3] == 0.0)
+    assert moved[late, 3] == pytest.approx(0.02, abs=1e-15)
+    assert np.abs(truth.rates[late, 2]).max() > 0.1
+
+
+def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
+    path = model_folder("jr700") / "jr700.xml"
+    model = mujoco.MjModel.from_xml_path(str(path))
+    started = []
+
+    def law(seen, state):
+        return seen.front, seen.left, seen.right, seen.tail
+
+    def reset(seen, state):
+        started.append(state.copy())
+
+    hs.set_controller(model, Controller(law, reset=reset))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
+    data.act[STATE.gyro_r_integral] = 0.3
+    with hs.installed():
+        mujoco.mj_step(model, data, 3)
+    assert [state.tolist() for state in started] == [[0.0] * 8]
+
+
+def test_threads_of_rollout_take_turns_in_a_python_law(jr700):
+    vehicle = jr700.with_controller(own_laws.attitude_controllers(jr700)[0])
+    kind, starts = mujoco.mjtState.mjSTATE_FULLPHYSICS, []
+    for k in range(4):
+        data = vehicle.hovering()
+        data.qvel[3] = 0.1 * k
+        starts.append(np.empty(mujoco.mj_stateSize(vehicle.model, kind)))
+        mujoco.mj_getState(vehicle.model, data, starts[-1], kind)
+    found = []
+    for threads in (1, 2):
+        with hs.installed():
+            states, _ = rollout.rollout(
+                [vehicle.model] * 4,
+                [mujoco.MjData(vehicle.model) for _ in range(threads)],
+                np.array(starts),
+                nstep=100,
+            )
+        found.append(states)
+    assert np.array_equal(*found)
+    assert not np.array_equal(found[0][0], found[0][1])
+
+
+def test_states_need_room(jr700):
+    def remembers(seen, state):
+        state[1:] = state[:-1]
+        state[0] = seen.r
+        return seen.front, seen.left, seen.right, seen.tail - 1e-6 * state[-1]
+
+    controller = Controller(remembers, states=40)
+    model = copy.copy(jr700.model)
+    room = model.actuator_actnum[addresses(model).rotor] + 2 * (40 - 8)
+    says = rf'has 40 states and the model has room for 8.*actdim="{room}"'
+    with pytest.raises(ModelError, match=says):
+        hs.set_controller(model, controller)
+    vehicle = jr700.with_controller(controller)
+    assert vehicle.model.na == jr700.model.na + 2 * (40 - 8)
+    record = hs.fly(jr700, FAST, controller=controller, jobs=1)[0]
+    assert record.ended == ""
+    assert vehicle.visual_model().na == vehicle.model.na
+    back = vehicle.with_controller(Controller())
+    assert same(hs.fly(back, FAST, jobs=1)[0], hs.fly(jr700, FAST, jobs=1)[0])

@@ -1,5 +1,8 @@
 """Controllers of one's own in flight: Python, and njit; whole, in part, or none."""
 
+import warnings
+from dataclasses import dataclass
+
 import control
 import mujoco
 import numba
@@ -11,11 +14,15 @@ import own_laws
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.gyro import gyro_law
 from helisim.physics.layout import PARAM, STATE
+from helisim.sim import simulate
+from helisim.sim.gains import on_law
 from helisim.vehicle import Controller
 from helisim.vehicle.addresses import addresses
+from helisim.vehicle.law import trimmed_sticks
+from own_laws import HOLDS
 from tabled import tabled
 
-SHORT = hs.Sweep(axis="ped", duration=12.0, trim_time=1.0)
+SHORT = hs.Sweep(axis="ped", duration=7.0, trim_time=1.0, band=(1.0, 30.0))
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
 
 
@@ -67,11 +74,6 @@ def test_python_and_njit_fly_the_same_bits(jr700):
     other = hs.fly(jr700, FAST, seed=5, jobs=1, controller=native)[0]
     assert same(one, other)
     assert not same(one, hs.fly(jr700, FAST, seed=5, jobs=1)[0])
-    for k in range(5):
-        without = own_laws.attitude_settings(jr700)
-        without[k] *= 0.5
-        _, changed = own_laws.attitude_controllers(jr700, without)
-        assert not same(one, hs.fly(jr700, FAST, seed=5, jobs=1, controller=changed)[0])
 
 
 def stepped(vehicle, stick, size, seconds):
@@ -89,9 +91,9 @@ def stepped(vehicle, stick, size, seconds):
     return 0.5 * (rows[0] + rows[1])
 
 
-@pytest.mark.parametrize("kind", [0, 1], ids=["python", "njit"])
-@pytest.mark.parametrize("latency", [0.0, 0.004])
-@pytest.mark.parametrize("timestep", [0.002, 0.001])
+@pytest.mark.parametrize(
+    ("kind", "latency", "timestep"), [(0, 0.0, 0.001), (1, 0.004, 0.001), (0, 0.004, 0.002)]
+)
 def test_linearisation_is_what_a_law_flies(kind, latency, timestep):
     """A small step of each stick, in flight and by `linearize("IN2")`, of a law of everything.
 
@@ -241,14 +243,7 @@ def test_a_law_that_fails_ends_the_flight(jr700, how):
     assert getattr(caught.value, "__notes__", []) == ([traceback] if traceback else [])
 
 
-@pytest.mark.parametrize(
-    ("law", "says"),
-    [
-        (lambda seen: None, "returned None where finite numbers"),
-        (lambda seen: (1.0, "2", {}, 4.0), "returned"),
-        (numba.njit(lambda seen, state: (state[8], 0.0, 0.0, 0.0)), "its indices went beyond"),
-    ],
-)
+@tabled("law", "says")
 def test_a_law_that_returns_something_else_ends_before_the_flight(jr700, law, says):
     with pytest.raises(DivergedError, match=says):
         hs.fly(jr700, FAST, controller=law, keep_ended=True, jobs=1)
@@ -259,3 +254,97 @@ def test_what_is_no_law_is_refused(jr700, law, says):
     with pytest.raises(InputError, match=says) as caught:
         hs.fly(jr700, FAST, controller=law)
     assert "\n" not in str(caught.value)
+
+
+# A pilot's gains on other laws: drift beside that on the gyro, known ratios, what is refused.
+
+GIVEN = (-0.01, 0.15, 0.15, 0.035)
+"""Gains of COL, LON, LAT and PED as the JR700's file has them."""
+OUTER = (0.04, 0.1, 0.15)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stays(hs.Mission):
+    """Hover on the spot."""
+
+    duration: float = 30.0
+
+    def fly(self, pilot):
+        yield from pilot.hold(self.duration)
+
+
+HOVERS = {
+    "sweeps": {"excitation": hs.History.of([0.0, 30.0], [0.0, 0.0], axis="lat", source="nothing")},
+    "mission": {"mission": Stays()},
+}
+
+
+def drift(vehicle, hover, law, turbulence, seed):
+    plan = hs.FlightPlan(weather=hs.Weather(turbulence=turbulence), **HOVERS[hover])
+    flight = next(simulate(vehicle.with_controller(law), plan, seed=seed))
+    far = flight.positions[:, :2] - flight.positions[0, :2]
+    return np.sqrt(np.mean(np.sum(far**2, axis=1)))
+
+
+@pytest.mark.parametrize("hover", HOVERS)
+@pytest.mark.parametrize(
+    ("turbulence", "seed", "most"),
+    # Calm: the remnant moves an attitude by 0.6 of the stick, and a rate's attitude by much more:
+    # 0.05 to 0.12 of the gyro's drift. In rough air the loops are as fast as on the gyro, but the
+    # law's own hold is softer in a gust: 0.4 to 2.0 in ten seeds. It was 2.5 to 26 with the gains
+    # on the gyro, and 0.66 to 1.1 in calm air.
+    [(None, 1, 0.25), ("light", 2, 2.5)],
+)
+def test_it_drifts_as_on_the_gyro(jr700, hover, turbulence, seed, most):
+    own, held = (drift(jr700, hover, law, turbulence, seed) for law in (hs.Controller(), HOLDS))
+    assert held < most * own
+
+
+@tabled("changes", "times")
+def test_sticks_that_ask_for_times_as_much_are_moved_by_one_over_it(jr700, changes, times):
+    gyro = hs.RateCommand.of(jr700)
+    own = gyro.parameters()
+    law = gyro.replace({name: by * own[name] for name, by in changes.items()})
+    for found in on_law(jr700.with_controller(law), GIVEN, *OUTER):
+        # 2 %: roll and pitch turn into each other, which a stick of one alone doesn't undo
+        np.testing.assert_allclose(found, np.multiply(times, GIVEN), rtol=0.02 * bool(changes))
+
+
+def test_an_attitude_command_is_led_and_where_feedback_diverges_not_fed_back(jr700):
+    """The attitude wanted is reached, by a whole stick of 0.6 rad; on the Lynx by leading alone.
+
+    10 %: the loop that is kept closes by 0.92 to 1.
+    """
+    lynx = (-0.01, 0.5, 0.5, 0.1), 0.02, 0.05, 0.1  # of its file
+    for vehicle, gains, share in ((jr700, (GIVEN, *OUTER), 0.6), (hs.load("lynx"), lynx, 2e-3)):
+        ahead, back = (one[1:3] for one in on_law(vehicle.with_controller(HOLDS), *gains))
+        np.testing.assert_allclose(0.6 * ahead / (1.0 + 0.6 * back), 1.0, rtol=0.1)
+        assert np.all(back < share * ahead)
+
+
+def test_a_law_that_diverges_keeps_the_files_gains_with_a_note(jr700):
+    """Its sticks stand off their middle too, where they hold the hover."""
+    plate, trim = jr700.swashplate, jr700.trim
+
+    def rates_up(seen):
+        return (*plate.mix(seen.COL, seen.LON + 0.02 + 0.3 * seen.q, seen.LAT - 0.03), seen.PED)
+
+    vehicle = jr700.with_controller(rates_up)
+    with pytest.warns(UserWarning, match=r"'rates_up': .*grows at .* 1/s; the pilot keeps"):
+        ahead, back = on_law(vehicle, GIVEN, *OUTER)
+    assert tuple(ahead) == tuple(back) == GIVEN
+    found = trimmed_sticks(vehicle.controller, vehicle.model, trim)
+    held = (trim.col, trim.lon - 0.02, trim.lat + 0.03, trim.ped)
+    np.testing.assert_allclose(found, held, atol=2e-9)  # commands settle to 1e-9
+
+
+def fails(seen):
+    raise ValueError("no law")
+
+
+@pytest.mark.parametrize("law", [None, hs.Controller(tail=None), fails])
+def test_nothing_is_scaled_where_there_is_nothing_to_scale_by(jr700, law):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ahead, back = on_law(jr700.with_controller(law), GIVEN, *OUTER)
+    assert tuple(ahead) == tuple(back) == GIVEN

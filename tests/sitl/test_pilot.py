@@ -78,7 +78,7 @@ def test_from_the_ground_to_the_ground(copter):
     assert not copter.armed
     assert copter.pulses == [1500, 1500, 1000, 1500, 1000, 1000, 1000, 1000]
     assert said == [
-        *("waiting for the EKF", "arming", "rotor on", "taking off to 4 m", "landing", "rotor off"),
+        *("waiting for the EKF", "arming", "rotor on", "taking off to 4 m", "landing", "rotor off")
     ]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from autopilot_logs import Log
+from command import parm_file
 from helisim.base.errors import AutopilotError, InputError
 from helisim.cli import main
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
@@ -20,7 +21,6 @@ from helisim.sitl.session import fly_script, script_of
 from helisim.sitl.systemid import sweeps
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
-from parm_file import parm_file
 from script import SCRIPTS, loaded
 
 FAKE = """#!{python}

@@ -14,7 +14,7 @@ from helisim.cli import main
 from helisim.design.exact import exact_loop
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import StabilityMargins
-from helisim.handling.figures import bandwidth, margins, rejection
+from helisim.handling.figures import margins, rejection
 from helisim.handling.spec import read_specs
 from helisim.sim import Recorder
 from helisim.study.design_chain import identify_for_design, servos_of
@@ -22,17 +22,8 @@ from helisim.study.experiment import fly_sweeps, reproduce, sweeps_of
 from helisim.vehicle import load
 from made_run import make_flight
 
-BARS = {
-    "crossover": 0.02,
-    "phase margin": np.radians(1.5),
-    "gain margin": 0.3,
-    "DRB": 0.03,
-    "DRP": 0.3,
-    "bandwidth": 0.03,
-    "phase delay": 0.005,
-}
+BARS = {"crossover": 0.02, "phase margin": np.radians(1.5), "gain margin": 0.3}
 """What a prediction for design may be off by: rad, dB, s, or a fraction."""
-_RELATIVE = ("crossover", "DRB", "bandwidth")
 
 
 @dataclass(frozen=True)
@@ -61,22 +52,6 @@ def shipped_law(vehicle, faster=1.0):
     return replace(gyro, c=faster * gyro.c, d=faster * gyro.d, delays={})
 
 
-def figures(loop, axis):
-    # the phase also crosses at 0.3 and 0.5 rad/s, where speeds turn it, below the sweeps' bands
-    tried = replace(loop, frequency=loop.frequency[loop.frequency > 0.6])
-    cut, answer = margins(tried.broken(axis)), bandwidth(loop.command(axis))
-    rejected = rejection(loop.disturbance(axis))
-    return {
-        "crossover": cut.crossover,
-        "phase margin": cut.least_phase,
-        "gain margin": cut.least_gain,
-        "DRB": rejected.bandwidth,
-        "DRP": rejected.peak,
-        "bandwidth": answer.rate,
-        "phase delay": answer.delay,
-    }
-
-
 @pytest.fixture(scope="module")
 def flown(jr700):
     """Five sweeps of each axis, as `helisim reproduce --flights 5` flies them."""
@@ -87,20 +62,6 @@ def flown(jr700):
 @pytest.fixture(scope="module")
 def plant(flown):
     return identify_for_design(flown)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("faster", [1.0, 1.5, 2.0])
-@pytest.mark.parametrize("axis", ["lat", "lon", "ped"])
-def test_loops_are_predicted_from_records_alone(jr700, plant, axis, faster):
-    """Within half of the bars; of ten sweeps of each axis, three seeds: within a third."""
-    law = shipped_law(jr700, faster)
-    exact = figures(ClosedLoop(exact_plant(jr700), law), axis)
-    predicted = figures(ClosedLoop(plant, law), axis)
-    for name, bar in BARS.items():
-        off = predicted[name] - exact[name]
-        off = off / exact[name] if name in _RELATIVE else off
-        assert abs(off) < 0.5 * bar, (name, predicted[name], exact[name])
 
 
 @pytest.mark.study

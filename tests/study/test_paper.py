@@ -3,15 +3,31 @@
 import itertools
 import json
 import math
+import os
+import re
+import shutil
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from helisim.base.errors import UnknownNameError
+from command import fails
+from helisim import ident
+from helisim.base.errors import InputError, StorageError, UnknownNameError
+from helisim.base.note import Command, Option
 from helisim.cli import main
+from helisim.records.storage import read_record
+from helisim.study.check import Problem, check_vehicle
+from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.errata import errata
+from helisim.study.new_vehicle import new_vehicle
 from helisim.study.paper import check_overall, gyro_effect, overall_from_parts, published
-from helisim.study.results import as_json
+from helisim.study.results import Exclusion, Results, as_json, read_models, write_models
+from helisim.vehicle import load, standard_parameters
+from helisim.vehicle.parameters import vehicle_names
+from made_run import EQ_8, GROUND, GYRO_EFFECT, make_model, make_verification
+from tabled import tabled
 
 RPM = 2.0 * math.pi / 60.0
 JR700 = published("jr700")
@@ -180,3 +196,416 @@ def test_an_erratum_says_what_the_tables_give(place, expected):
     title, part = place
     (found,) = [one for one in errata() if one.title == title]
     assert expected in getattr(found, part)
+
+
+# Results, models and a run's files: their verdicts, and that they come back from JSON.
+
+COHERENT = {"coherence": 0.98765, "limit": 0.9912, "kept": 10}
+INCOHERENT = Exclusion(flight="lat_03", reason="less coherent", **COHERENT)
+TOUCHED = "it touched the ground at 12.50 s"
+ENDED = Exclusion(flight="ped_01", reason="terminated early", ended=TOUCHED)
+ROW = {"name": "L_b", "unit": "1/s^2", "identified": 505.0, "truth": 500.0, "paper": 540.0}
+ROW |= {"cr_percent": 4.0, "insensitivity_percent": 1.5}
+ROW |= {"tolerance_percent": 3.0, "tolerance_reason": "asked for"}
+ROW |= {"paper_tolerance_percent": 10.0, "paper_tolerance_reason": "the paper's bound"}
+"""Truth 500 to 3 % is 485 to 515; paper 540 to 10 % is 486 to 594."""
+TABLE = {"name": "rollpitch_in1", "input": "IN1", "cost": 1.5, "band_rad_s": (3.0, 30.0)}
+
+
+LEFT = {"flight": "lat_01"}
+
+
+def make_row(**changes) -> ParameterRow:
+    return ParameterRow(**(ROW | changes))
+
+
+def make_results(*rows: ParameterRow, given=(), **more) -> Results:
+    return Results(
+        tables=(ComparisonTable(**TABLE, parameters=rows, given=given),),
+        seed=7,
+        versions={"helisim": "0.1.0"},
+        configuration={"flights": 10},
+        excluded=(INCOHERENT, ENDED),
+        **more,
+    )
+
+
+def everything() -> Results:
+    """Results with all that results can hold."""
+    checked = make_verification(ident.structures.rollpitch)
+    given = {"name": "k_I", "unit": "1/s", "value": 17.7, "standard_error": 0.0014}
+    return make_results(
+        make_row(),
+        make_row(name="unseen", cr_percent=math.inf),
+        make_row(name="given", cr_percent=None, insensitivity_percent=None),
+        make_row(name="free", truth=None, tolerance_percent=None),
+        given=(GivenValue(**given, source="bench"),),
+        **{"ground": {"bench": GROUND}, "verification": {"rollpitch_in1": checked.figures}},
+        **{"gyro_effect": GYRO_EFFECT, "eq_8": EQ_8},
+    )
+
+
+@tabled("changes", "truth", "paper")
+def test_agreement_is_with_each_reference(changes, truth, paper):
+    row = make_row(**changes)
+    assert (row.truth_agreement, row.paper_agreement) == (truth, paper)
+    both = {truth, paper}
+    expected = "differs" if "differs" in both else "agrees" if "agrees" in both else "not judged"
+    assert row.agreement == expected
+    assert len(row.misses()) == [truth, paper].count("differs")
+
+
+def test_a_miss_says_which_by_how_much_and_why():
+    """One plain sentence a missed tolerance, with the table's name before it.
+
+    A low-order equivalent isn't the linearisation that figures draw: it has another name.
+    """
+    results = make_results(make_row(), make_row(name="M_a", identified=600.0))
+    assert results.misses == (
+        "rollpitch_in1: M_a is 600 1/s^2, 20 % from the truth's 500; "
+        "the tolerance is 3 % (asked for)",
+        "rollpitch_in1: M_a is 600 1/s^2, 11.1 % from the paper's 540; "
+        "the tolerance is 10 % (the paper's bound)",
+    )
+    assert make_results(make_row()).misses == ()
+    row = make_row(identified=520.0, paper_tolerance_percent=None)
+    (miss,) = ComparisonTable(**TABLE, parameters=(row,), truth="equivalent").misses
+    assert "4 % from the equivalent's 500" in miss
+
+
+def test_a_ratio_to_nothing_is_infinite():
+    data = everything().to_dict()
+    (gain,) = data["eq_8"]["coefficients"]
+    gain["direct"] = 0.0
+    results = Results.from_dict(data)
+    assert results.to_dict()["eq_8"]["coefficients"][0]["difference_percent"] == "inf"
+    gain["direct"] = math.inf
+    with pytest.raises(InputError, match=r"coefficients\[0\]\.direct must be .*, got inf"):
+        Results.from_dict(data)
+
+
+def test_the_json_has_its_shape():
+    data = json.loads(json.dumps(everything().to_dict(), allow_nan=False))
+    assert (data["seed"], data["versions"], data["misses"]) == (7, {"helisim": "0.1.0"}, [])
+    (table,) = data["tables"]
+    first, unseen, _, free = table["parameters"]
+    assert (first["truth_agreement"], first["paper_agreement"]) == ("agrees", "agrees")
+    assert (unseen["cr_percent"], free["truth"]) == ("inf", None)
+    given = {"name": "k_I", "unit": "1/s", "value": 17.7, "source": "bench"}
+    assert table["given"] == [{**given, "standard_error": 0.0014}]
+    assert data["before_after"]["changes"][0]["ratio"] == GYRO_EFFECT.changes[0].ratio
+    told = {"flight": "ped_01", "reason": "terminated early", "ended": ENDED.ended}
+    assert data["excluded"][1] == {
+        **told,
+        "message": "flight ped_01: was terminated early: it touched the ground at 12.50 s",
+    }
+
+
+@pytest.mark.parametrize("results", [everything(), make_results(make_row())], ids=["all", "few"])
+def test_results_come_back_from_json(results):
+    text = json.dumps(results.to_dict(), allow_nan=False)
+    again = Results.from_dict(json.loads(text))
+    assert again == results
+    assert json.dumps(again.to_dict()) == text
+    assert again["rollpitch_in1"].given == results["rollpitch_in1"].given
+    more = {"ground", "verification", "before_after", "eq_8"}
+    assert len(more & results.to_dict().keys()) == (4 if results.eq_8 else 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seed": "one"}, r"results\.seed must be an integer, got 'one'"),
+        ({"tables": [{"name": "heave"}]}, r"tables\[0\] needs input and "),
+        ({"excluded": ["flight 3 was bad"]}, r"excluded\[0\] must be a table .*'flight 3 was bad'"),
+        ({"excluded": [{**LEFT, "reason": "disliked"}]}, "'disliked'; available: terminated early"),
+        ({"excluded": [{**LEFT, "reason": "less coherent"}]}, "needs coherence"),
+        ({"eq_8": {**as_json(EQ_8), "band_rad_s": [1.0]}}, r"eq_8\.band_rad_s must be a list of 2"),
+    ],
+)
+def test_what_is_no_result_is_refused(change, message):
+    data = {**everything().to_dict(), **change}
+    with pytest.raises(InputError, match=f"a file: not the results of a run.*{message}"):
+        Results.from_dict(data, "a file")
+
+
+@tabled("kind", "changes", "message")
+def test_what_cant_be_judged_is_refused(kind, changes, message):
+    """NaN never passes a tolerance by comparing false."""
+    given = {**TABLE, "parameters": ()} if kind is ComparisonTable else {}
+    with pytest.raises(InputError, match=message):
+        kind(**{**given, **changes})
+
+
+@pytest.fixture(scope="module")
+def item():
+    return make_model("rollpitch_in1", verified=True)
+
+
+def test_a_model_comes_back_and_another_file_is_refused(tmp_path, item):
+    (read,) = read_models(write_models(tmp_path / "fits.json", [item]))
+    assert (read.name, read.note, read.verified_on) == (item.name, item.note, item.verified_on)
+    assert read.fit.values == item.fit.values
+    np.testing.assert_array_equal(read.exact.response, item.exact.response)
+    found, kept = (one.verification.traces[0].predicted for one in (read, item))
+    np.testing.assert_array_equal(found, kept)
+    assert read.verification.tic_by_output == item.verification.tic_by_output
+    path = tmp_path / "other.json"
+    with pytest.raises(StorageError, match=r"other\.json"):
+        read_models(path)
+    for text, says in (
+        ('{"format": "other"}', "its format is 'other'"),
+        ('{"format": "helisim fits, version 1", "models": [{}]}', "can't read a model"),
+        ('{"format": "helisim fits, version 1", "models": 3}', "models must be a list, got 3"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=says):
+            read_models(path)
+
+
+@tabled("place", "value")
+def test_a_damaged_model_is_refused(tmp_path, item, place, value):
+    path = write_models(tmp_path / "fits.json", [item])
+    data = json.loads(path.read_text())
+    at = data["models"][0]
+    for part in place[:-1]:
+        at = at[part]
+    at[place[-1]] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=re.escape(f"{path}: can't read a model: ")) as caught:
+        read_models(path)
+    assert "\n" not in str(caught.value)
+
+
+# `helisim vehicle new` and `check`: a folder that flies at once; what breaks it is said.
+
+PARAMETERS, CALIBRATED, TUNED, MJCF = "parameters.toml", "calibrated.toml", "tuned.toml", "own.xml"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return new_vehicle("own", to=tmp_path_factory.mktemp("hangar"))
+
+
+@pytest.fixture
+def own(made, tmp_path, monkeypatch):
+    """A vehicle to be broken, in the present folder."""
+    monkeypatch.chdir(tmp_path)
+    return shutil.copytree(made, tmp_path / "own")
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_nothing_is_wrong_with_the_shipped(name, tmp_path):
+    for vehicle in (name, new_vehicle("own", like=name, to=tmp_path)):
+        found = check_vehicle(vehicle)
+        assert [str(one) for one in found.problems] == []
+        assert set(found.margins) == {"lat", "lon", "ped"}
+
+
+FILES = {"p": PARAMETERS, "c": CALIBRATED, "t": TUNED, "x": MJCF}
+WRONG = Path(__file__).with_name("vehicle_check.txt").read_text(encoding="utf-8").splitlines()
+"""File, large if what is said is of no one; what is changed behind |, to what; what is said."""
+
+
+@pytest.mark.parametrize("row", WRONG)
+def test_what_is_wrong_with_a_file_is_said(own, row):
+    old, new, message = row[2:].split(" ~ ")
+    kept, gone = old.split("|")
+    _change(own / FILES[row[0].lower()], kept + gone, kept + new.replace(r"\n", "\n"))
+    assert (_said(own, message).file is None) == row[0].isupper()
+
+
+def test_the_remedy_is_a_command_to_be_typed_where_one_is(own, monkeypatch, capsys):
+    (own / CALIBRATED).unlink()
+    spaced = own.rename(own.with_name("my own"))
+    monkeypatch.chdir(own.parent)
+    assert main(["vehicle", "check", str(spaced), "--quiet"]) == 2
+    assert "to make it (helisim vehicle calibrate 'my own' --write)" in capsys.readouterr().out
+
+
+def _change(path, old, new):
+    """Change what stands first in a file; <number> is whatever was solved for."""
+    text = path.read_text()
+    changed = re.sub(re.escape(old).replace("<number>", r"[0-9.]+"), lambda _: new, text, count=1)
+    assert changed != text
+    path.write_text(changed)
+
+
+def _said(own, message):
+    problems = check_vehicle(own).problems
+    found = [one for one in problems if message in one.text]
+    assert found, [str(one) for one in problems]
+    return found[0]
+
+
+def test_everything_is_said_at_once(own, capsys, monkeypatch):
+    monkeypatch.chdir(own.parent)
+    _change(own / PARAMETERS, "radius = { value = 0.767", "radius = { value = 767")
+    _change(own / PARAMETERS, "hub_x =", "hub_ex =")
+    _change(own / PARAMETERS, "[tail_rotor]", "[tailrotor]")
+    (own / TUNED).unlink()
+    assert main(["vehicle", "check", "own"]) == 2
+    *lines, last = capsys.readouterr().out.splitlines()
+    places = [line.split(": ")[0] for line in lines]
+    file = "own/parameters.toml"
+    assert places == [file, "own/tuned.toml", file, file]
+    assert last == "own: 4 problems."
+
+
+def test_what_is_well_is_shown(own, capsys):
+    assert main(["vehicle", "check", str(own)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("own: All is well.")
+    for text in (
+        "mass                    8.01 kg",
+        "disc loading            42.48 N/m^2",
+        "power                   976.6 W",
+        "figure of merit         0.36",
+        "ped margins             23.1 dB",
+    ):
+        assert text in printed
+    assert main(["vehicle", "check", str(own), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("file", "command"), [(CALIBRATED, "calibrate"), (TUNED, "tune")])
+def test_a_file_that_is_not_made_yet(own, file, command):
+    (own / file).unlink()
+    (problem,) = check_vehicle(own).problems
+    assert problem == Problem(
+        f"there is no such file: {command} the vehicle to make it",
+        own / file,
+        remedy=Command(command, ("own",), (Option("write"),)),
+    )
+
+
+def test_an_mjcf_that_is_out_of_date_or_missing_and_no_vehicle(own, tmp_path):
+    _change(own / PARAMETERS, "drag_area_x = { value = 0.03", "drag_area_x = { value = 0.04")
+    (problem,) = check_vehicle(own).problems
+    assert "the <general> 'rotor' has other numbers (user)" in problem.text
+    assert problem.remedy == Command("vehicle build", ("own",))
+    line = int(problem.text.removeprefix("line ").split(":")[0])
+    assert (own / MJCF).read_text().splitlines()[line - 1].lstrip().startswith("<general")
+    assert main(["vehicle", "build", str(own), "--quiet"]) == 0
+    assert check_vehicle(own).problems == ()
+    (own / MJCF).rename(own / "a.xml")
+    (own / "b.xml").write_text("<mujoco/>")
+    (problem,) = check_vehicle(own).problems
+    assert "which file is the vehicle's MJCF?" in problem.text
+    with pytest.raises(UnknownNameError):
+        check_vehicle(tmp_path)
+
+
+@pytest.mark.parametrize("like", vehicle_names())
+def test_it_is_at_first_what_it_was_made_from(like, tmp_path):
+    own, other = load(new_vehicle("libelle", like=like, to=tmp_path)), load(like)
+    assert dict(other.parameters).items() <= dict(own.parameters).items()
+    assert (own.name, own.trim) == ("libelle", other.trim)
+    for matrix in "ABCD":
+        np.testing.assert_array_equal(
+            getattr(own.linearize("IN2").system, matrix),
+            getattr(other.linearize("IN2").system, matrix),
+        )
+    assert own.visual_model().body("libelle").id == 1
+    for file in own.folder.rglob("*.xml"):
+        assert like not in file.read_text()
+
+
+@pytest.mark.slow
+def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
+    assert "own/README.md" in capsys.readouterr().out
+    for command in (
+        "vehicle linearize own",
+        "vehicle trim own --speeds 0,5 --quiet",
+        "fly --vehicle own --axis lat --duration 12 --out lat.parquet --quiet",
+        "vehicle calibrate own --write --quiet",
+        "tune --vehicle own --write --quiet",
+        "vehicle linearize own --inputs IN2",
+    ):
+        assert main(command.split()) == 0, command
+    assert read_record(tmp_path / "lat.parquet").provenance["vehicle"] == "own"
+    tuned, shipped = standard_parameters("./own"), standard_parameters("blade360")
+    for name in shipped:
+        # calibration stops at 1e-8 of its conditions, tuning where its cost changes by 1e-8
+        assert tuned[name] == pytest.approx(shipped[name], rel=1e-3), name
+    assert tuned.entry("airframe.izz").source == f"blade360: {shipped.entry('airframe.izz').source}"
+    for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
+        assert tomllib.loads((tmp_path / "own" / file).read_text())
+
+
+FROUDE = 0.5  # of lengths: masses as the third power, times as the root
+
+
+@pytest.mark.slow
+def test_an_airframe_of_half_the_size_is_dynamically_similar(tmp_path, monkeypatch, capsys):
+    """Froude's law: rates of the hover's derivatives go with 1 / root of the size, hub moments too.
+
+    Without Mach number, which does not scale, nothing but rounding and solvers is left.
+    """
+    large = new_vehicle("large", to=tmp_path)
+    _change(large / PARAMETERS, "sound_speed = { value = 340.3", "sound_speed = { value = 0.0")
+    monkeypatch.chdir(tmp_path)
+    own = load(large).parameters
+    mass, rotor = FROUDE**3 * own["airframe.mass"], 2.0 * FROUDE * own["main_rotor.radius"]
+    rpm = own["main_rotor.speed"] / FROUDE**0.5 * 30.0 / np.pi
+    numbers = f"--mass {mass!r} --rotor {rotor!r} --rpm {rpm!r}"
+    assert main(f"vehicle new half --like large {numbers}".split()) == 0
+    assert "half: All is well." in capsys.readouterr().out
+    half = load("half")
+    assert check_vehicle("half").problems == ()
+    assert half.parameters.entry("airframe.mass").source == "given"
+    assert half.parameters.entry("airframe.ixx").source == "estimated: 0.2 of large, in proportion"
+    assert half.parameters.entry("main_rotor.twist").source == "estimated: as large"
+    assert not any(name.startswith("targets.") for name in half.parameters)
+    assert main(["vehicle", "calibrate", "large", "--write", "--quiet"]) == 0  # for that air
+    found, wanted = half.derivatives, load(large).derivatives
+    times = {"N_r": 1, "Z_w": 1, "L_b": 2, "M_a": 2, "N_ped": 2, "tau_f": -1, "B_a": 0, "Y_v": 1}
+    for name, power in times.items():
+        assert found[name] == pytest.approx(wanted[name] / FROUDE ** (0.5 * power), rel=1e-6), name
+
+
+def test_an_airframe_lacks_nothing_that_it_needs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert "a vehicle from numbers needs rpm" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1.35
+    )
+    assert "mass must be a number above 0" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 0, "--rotor", 1.35, "--rpm", 2100
+    )
+    # 42 kg on a rotor of 0.35 m: no pitch of the blades lifts it
+    assert "no hover found" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 42, "--rotor", 0.35, "--rpm", 2000
+    )
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_there_is_not_overwritten(made, capsys):
+    before = sorted(made.parent.rglob("*"))
+    message = fails(capsys, "vehicle", "new", "own", "--to", made.parent)
+    assert "is there already" in message
+    assert sorted(made.parent.rglob("*")) == before
+
+
+@tabled("name", "message")
+def test_a_name_that_cannot_be_is_refused(tmp_path, name, message):
+    with pytest.raises(InputError, match=message):
+        new_vehicle(name, to=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_half_made_is_left(tmp_path, monkeypatch):
+    with pytest.raises(UnknownNameError, match="did you mean jr700"):
+        new_vehicle("own", like="jr70", to=tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="can't make"):
+        new_vehicle("own", to=tmp_path / "file")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "rename", full)
+    with pytest.raises(StorageError, match="No space left on device"):
+        new_vehicle("own", to=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -1,20 +1,23 @@
 """The paper's experiment: fly, record, identify, compare; and a run repeats to the byte."""
 
 import json
-import shutil
-import subprocess
-import sys
+import warnings
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import helisim as hs
+from helisim import ident
 from helisim.base.errors import DivergedError
+from helisim.logs import screen
 from helisim.records.record import AXES
 from helisim.records.storage import read_record
-from helisim.sim import Recorder, Sweep
+from helisim.sim import Recorder, RecordGap, SampleLoss, Sweep, fly
 from helisim.study import experiment
+from helisim.study.comparison import identify_model
 from helisim.study.experiment import fly_sweeps
+from helisim.study.models import YAW_BASE
 from helisim.study.results import Exclusion, as_json
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
@@ -155,17 +158,6 @@ def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
     assert again == before
 
 
-@pytest.mark.study
-def test_a_killed_run_leaves_the_results_before(results, folder, tmp_path):
-    copied = shutil.copytree(folder, tmp_path / "copy")
-    path = copied / "results.json"
-    before = path.read_bytes() + b" "  # valid, and told from the new ones
-    path.write_bytes(before)
-    words = ("--flights", "3", "--seed", "1", "--out", str(copied), "--quiet")
-    kill_at(path.name, "reproduce", *words)
-    assert path.read_bytes() == before
-
-
 END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
 
 
@@ -217,29 +209,101 @@ def test_too_few_that_went_on_end_the_experiment(jr700, over):
         fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), None, lambda _: None)
 
 
-_HOLDING = """
-import os, sys, time
-from helisim.cli import main
+# From a faulty recorder to a model: what was left out is told, and what is found still holds.
 
-put_in_place = os.replace
-
-def hold(source, target):
-    if str(target).endswith(sys.argv[1]):
-        print("holding", flush=True)
-        time.sleep(600)
-    put_in_place(source, target)
-
-os.replace = hold
-sys.exit(main(sys.argv[2:]))
-"""
-"""Runs a command, and stops for good when a file of a certain name is about to be complete."""
+SWEEP = Sweep(axis="ped")
+LOSS = SampleLoss(share=0.01)
+GAP = RecordGap(at=55.0, lasts=1.0)
+REPAIR = ("spikes", "frozen", "gaps")
+LONG_ENOUGH = 22.0
+"""s: two windows of a period of the band's lowest frequency, 0.6 rad/s."""
 
 
-def kill_at(ending: str, *arguments: str) -> None:
-    """Run a command and kill it when it is at the file whose name ends so."""
-    command = [sys.executable, "-c", _HOLDING, ending, *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        process.kill()
-    assert line == "holding\n"
+def identified(records):
+    """Return the yaw base model of records, as the paper's experiment finds it."""
+    with warnings.catch_warnings():
+        for expected in (ident.RecordQualityWarning, ident.ClosedLoopWarning):
+            warnings.simplefilter("ignore", expected)
+        return identify_model(YAW_BASE, {"ped": records})
+
+
+class Spikes:
+    """Six samples a minute of rate and input are off by 0.5."""
+
+    def apply(self, record, rng):
+        values = record.values.copy()
+        for name in ("r", "ped"):
+            hit = rng.random(len(record)) < 0.001
+            values[hit, record.names.index(name)] += rng.choice([-0.5, 0.5], hit.sum())
+        return replace(record, values=values)
+
+
+class Dead:
+    """The yaw rate freezes for two seconds."""
+
+    def apply(self, record, _):
+        out = (record.time >= 40.0) & (record.time < 42.0)
+        values = record.values.copy()
+        values[out, record.names.index("r")] = record["r"][np.argmax(out) - 1]
+        return replace(record, values=values)
+
+
+SPIKES, DEAD = Spikes(), Dead()
+
+
+@pytest.fixture(scope="module")
+def flown(jr700):
+    return fly(jr700, SWEEP, count=2, seed=1)
+
+
+@pytest.fixture(scope="module")
+def good(flown):
+    return identified(flown)
+
+
+def faulty(flown, *faults):
+    """Return the same flights as a faulty recorder would have written them."""
+    records = []
+    for number, record in enumerate(flown):
+        for fault in faults:
+            record = fault.apply(record, np.random.default_rng(number))
+        records.append(record)
+    return records
+
+
+def shift(fit, good):
+    """Return the greatest difference of a parameter, in the second fit's standard errors."""
+    pairs = [(fit[name].value, one) for name, one in good.parameters.items()]
+    return max(abs(value - one.value) / one.standard_error for value, one in pairs)
+
+
+@pytest.mark.parametrize(
+    ("faults", "noted", "errors"),
+    [
+        # single samples are interpolated: nothing of the sweep is lost
+        pytest.param((SPIKES,), {"spikes"}, 0.2, marks=pytest.mark.slow),
+        # a sweep that is cut loses frequencies, and what is left scatters by its own error
+        ((SPIKES, DEAD, LOSS, GAP), {"spikes", "frozen", "gap"}, 2.0),
+    ],
+)
+def test_a_screened_record_gives_the_model_that_it_should(
+    jr700, flown, good, faults, noted, errors
+):
+    logs = [
+        screen(record, resample_hz=100.0, repair=REPAIR, min_duration=LONG_ENOUGH)
+        for record in faulty(flown, *faults)
+    ]
+    for log in logs:
+        assert {one.kind for one in log.report.repairs} - {"short part"} == noted
+    fit = identified([record for log in logs for record in log.records])
+    assert fit.data.flags == ()
+    assert shift(good, fit) < errors
+    truth = {**jr700.derivatives, "tau_r_base": 0.0505}
+    for name, one in fit.parameters.items():
+        assert abs(one.value - truth[name]) < one.cramer_rao
+
+
+def test_an_unscreened_record_misleads_and_says_so(flown, good):
+    fit = identified(faulty(flown, SPIKES))
+    assert shift(fit, good) > 5.0
+    assert any("'r'" in flag for flag in fit.data.flags)

@@ -4,6 +4,7 @@ import pickle
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -21,7 +22,7 @@ from helisim.study.tune import tune
 from helisim.vehicle import build
 from helisim.vehicle.build import Change, elements, unwritten, write_numbers
 from helisim.vehicle.parameters import model_folder, read_parameters
-from own_vehicle import copied, edited
+from heron import copied, edited
 from tabled import tabled
 
 
@@ -143,24 +144,7 @@ def test_what_is_missing_from_the_mjcf_is_said(tmp_path, old, new, message):
     assert "jr700.xml" in str(caught.value)
 
 
-MJCF = """\
-<?xml version="1.0"?>
-<mujoco model="m">
-  <!-- Ä comment with <geom name="no"/> in it -->
-  <worldbody>
-    <body name='one'>
-      <freejoint name="j"/>
-      <geom name="g"   size="0.1"  mass="1"/> <!-- behind -->
-    </body>
-    <body name="two"
-          pos="1 0 0"><geom
-          size="0.2"/></body>
-  </worldbody>
-  <actuator>
-    <general name="g" joint="j"/>
-  </actuator>
-</mujoco>
-"""
+MJCF = Path(__file__).with_name("own_elements.xml").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -233,14 +217,7 @@ def test_a_changed_parameter_reaches_stock_mujoco_and_older_numbers_are_replaced
     assert mended.key_act == pytest.approx(fresh.key_act, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (r"<key name=.*?/>", "", r'own\.xml: no <key name="hover"/> in this file'),
-        (r"<inertial [^>]*fullinertia=[^>]*>", "", r'<body name="fuselage"> needs <inertial'),
-        (r"</mujoco>", "", r"own\.xml"),
-    ],
-)
+@tabled("old", "new", "said")
 def test_what_can_not_be_written_is_said_and_nothing_is(folder, old, new, said):
     text = alter(folder, old, new)
     with pytest.raises(ModelError, match=said) as caught:

@@ -45,14 +45,7 @@ def plate(**changes):
 # servo 1 (left), 2 (right) and 3 (elevator, behind): H3-140 as plain numbers, H3-120 by cosines of
 # angles, H3-90 by its adjustable servo positions of -90, 90 and 180 degrees. Its roll is positive
 # left servo up, its pitch front up, both as here.
-@pytest.mark.parametrize(
-    ("geometry", "left", "right", "elevator"),
-    [
-        (FRONT_REAR_120, (0.5 * ROOT_3, 0.5), (-0.5 * ROOT_3, 0.5), (0.0, -1.0)),
-        (H3_140, (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0)),
-        (H3_90, (1.0, 0.0), (-1.0, 0.0), (0.0, -1.0)),
-    ],
-)
+@tabled("geometry", "left", "right", "elevator")
 def test_the_mixing_is_that_of_a_published_autopilot(geometry, left, right, elevator):
     """The geometry that the documentation gives for each gives ArduPilot's factors."""
     found = np.array(plate(**geometry).mix(*np.eye(3)))  # servos by (col, lon, lat)
@@ -110,14 +103,7 @@ def test_the_flight_does_not_depend_on_where_the_servos_stand():
     assert Swashplate.of(parameters).numbers == pytest.approx(other.swashplate.numbers, abs=0.0)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"swashplate.left_arm": 0.0}, "'swashplate.left_arm' must be positive, got 0"),
-        ({"swashplate.front_sign": 0.5}, "'swashplate.front_sign' must be one of -1, 1"),
-        ({"swashplate.left_angle": 0.0}, "too nearly in one line .* ways: 0, 0, -120 degrees"),
-    ],
-)
+@tabled("changes", "message")
 def test_a_swashplate_that_is_none_is_refused(changes, message):
     with pytest.raises(ModelError, match=message):
         load("jr700", parameters=changes)

@@ -22,6 +22,7 @@ from helisim.vehicle import calibrate, read_parameters, standard_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED, flapping_of, is_known, settled
 from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.swashplate import TipPathPlane
+from tabled import tabled
 
 
 def made(folder, **contents):
@@ -77,16 +78,7 @@ def test_what_flew_is_identified(folder):
     within_bounds(results, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("Z_w = ", "#", "[targets] lacks Z_w (1/s); each is { value = NUMBER, unit = "),
-        ("N_r = { value = -", "N_r = { value = ", "'targets.N_r' must be negative, got 0.84"),
-        ("Z_w = { value = -1.1", "Z_w = { value = -30", "momentum theory allows -2.6 to 0"),
-        ("N_r = { value = -0.84", "N_r = { value = -4", "inertia"),
-        ("direction = { value = -1.0", "direction = { value = 2", "'main_rotor.direction' must be"),
-    ],
-)
+@tabled("old", "new", "message")
 def test_a_calibration_that_can_not_be_is_one_line(tmp_path, capsys, old, new, message):
     there = heron.build(tmp_path / "wrong")
     file = there / "parameters.toml"

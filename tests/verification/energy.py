@@ -1,6 +1,7 @@
 """What a flight has of energy, is given and loses, from its trajectory alone."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -100,6 +101,7 @@ def ledger(vehicle, flight):
     )
 
 
+@cache
 def flown(vehicle, name):
     """Return the ledger of a flight, and its sample of a hard touch-down, or its last."""
     (flight,) = simulate(vehicle, hs.FlightPlan(**FLIGHTS[name]), seed=1, jobs=1)

@@ -32,7 +32,12 @@ def motor():
     return hs.load("jr700", parameters={"drive.governor": "motor"})
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+MORE = ("forward", "autorotation, 60 m and 10 m/s")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(k, marks=pytest.mark.slow if k in MORE else ()) for k in FLIGHTS]
+)
 def test_a_flight_s_energy_balances(motor, name):
     """At every instant of a whole flight, from take-off to landing, with and without an engine.
 
@@ -65,6 +70,7 @@ def test_an_autorotation_lives_on_height(motor):
 proof = script.loaded("proof/full_scale")
 
 
+@pytest.mark.slow
 def test_every_number_agrees_or_is_explained():
     """Explanations are for the rest: most agree of themselves."""
     assert proof.unexplained() == []

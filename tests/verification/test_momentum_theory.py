@@ -66,8 +66,7 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
 
 
 @pytest.mark.parametrize(
-    ("ratio", "watts", "within"),
-    [(-1.75, 583.0, 1.0), (-2.0, 198.0, 15.0), (-3.0, -371.0, 1.0)],
+    ("ratio", "watts", "within"), [(-1.75, 583.0, 1.0), (-2.0, 198.0, 15.0), (-3.0, -371.0, 1.0)]
 )
 def test_descent_power_of_the_vehicle_is_the_measured_one(jr700, ratio, watts, within):
     """P = T (V + kappa v) + profile at the hover's thrust, in W, v from fit and windmill theory.

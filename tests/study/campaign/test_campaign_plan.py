@@ -17,6 +17,7 @@ from helisim.study.models import YAW_BASE
 from helisim.study.replicates import render, summarise
 from helisim.vehicle import load
 from script import SCRIPTS, loaded
+from tabled import tabled
 
 CAMPAIGNS = SCRIPTS / "campaigns"
 MISTAKES = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8").splitlines()
@@ -209,15 +210,7 @@ KEY = ("yaw_base", "N_r")
 GOOD, BAD = [0.04, -0.04] * 10, [0.04] * 18 + [0.06, -0.06]
 
 
-@pytest.mark.parametrize(
-    ("flown", "least"),
-    [
-        ({(90, 1): GOOD, (90, 3): BAD, (90, 10): GOOD}, "900 (10 x 90)"),  # one may be luck
-        ({(90, 1): BAD, (90, 3): GOOD, (30, 3): GOOD}, "90 (3 x 30)"),
-        ({(90, 1): [0.04] * 19 + [0.06]}, "90 (1 x 90)"),  # 19 of 20 are 95 %
-        ({(90, 1): [0.04] * 18 + [None, None]}, "not reached"),  # a failure is not within
-    ],
-)
+@tabled("flown", "least")
 def test_the_shortest_flight_is_the_least_from_which_on_all_suffice(study, flown, least):
     """Within 5 % in 95 % of the replicates, and in longer flights too."""
     rows = [
