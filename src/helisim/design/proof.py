@@ -207,19 +207,22 @@ class ComparedCriterion:
     unknown: Mapping[str, str]
 
     @property
+    def ratings(self) -> dict[str, Rating | None]:
+        """The ratings by "predicted", "exact" and "flown"."""
+        return {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
+
+    @property
     def figures(self) -> dict[str, dict[str, float | None]]:
         """Figure -> value by "predicted", "exact" and "flown", None where there is no rating."""
-        ratings = {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
-        names = next((one.figures for one in ratings.values() if one), {})
+        names = next((one.figures for one in self.ratings.values() if one), {})
         return {
-            name: {who: one.figures[name] if one else None for who, one in ratings.items()}
+            name: {who: one.figures[name] if one else None for who, one in self.ratings.items()}
             for name in names
         }
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; None for numbers that aren't finite."""
-        criterion = self.spec.criterion
-        ratings = {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
+        criterion, ratings = self.spec.criterion, self.ratings
         figures = [
             {"name": name, "unit": criterion.units[name]}
             | (asdict(criterion.limits[name]) if name in criterion.limits else {})

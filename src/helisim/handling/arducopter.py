@@ -16,7 +16,7 @@ from scipy.signal import butter, freqz
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import FrozenMap, Value
+from helisim.base.settings import Checked, Value
 from helisim.handling.loop import axis_of
 from helisim.records.record import ATTITUDES, RATES
 
@@ -31,7 +31,6 @@ _WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
 _GYRO_RATE = 1000.0  # Hz
-_SMALL = 2.0**-20
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Terms(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ArduCopterLaw(Value):
+class ArduCopterLaw(Checked, Value):
     """The whole law, a `Linear` from motion to commands; mappings are by axis, "lat", "lon", "ped".
 
     `angle`: wanted rate over attitude error, 1/s (ATC_ANG_*_P); `period`, s, between ticks;
@@ -107,10 +106,6 @@ class ArduCopterLaw(Value):
     lean: tuple[float, float] = (0.0, 0.0)
     steady: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("rates", "angle", "steady"):
-            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
 
     @classmethod
     def of(
@@ -180,19 +175,8 @@ class ArduCopterLaw(Value):
     @cached_property
     def ticked(self) -> LinearSystem:
         """The law at its ticks from `inputs`, rates behind the gyro's filter, and `ADDED`."""
-        inputs = (*self.inputs, *ADDED)
-        n, m = 7 * len(COMMANDS), len(inputs)
-        columns = [self._tick(one[:n], one[n:]) / _SMALL for one in _SMALL * np.eye(n + m)]
-        whole = np.column_stack(columns)
-        return LinearSystem(
-            whole[:n, :n],
-            whole[:n, n:],
-            whole[n:, :n],
-            whole[n:, n:],
-            self.period,
-            inputs,
-            COMMANDS,
-        )
+        inputs, count = (*self.inputs, *ADDED), 7 * len(COMMANDS)
+        return LinearSystem.of_steps(self._tick, count, self.period, inputs, COMMANDS)
 
     def _tick(self, state: Real, seen: Real) -> Real:
         """Return 21 states and 3 commands, less those of the steady flight.

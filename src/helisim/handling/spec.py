@@ -19,7 +19,7 @@ from os import PathLike
 from typing import Any, get_args, get_type_hints
 
 from helisim.base.errors import InputError, check_known, item_of
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.settings import convert, from_plain, placed, toml_text
 from helisim.base.units import RAD_PER_DEG
 from helisim.handling.criteria import (
@@ -81,8 +81,7 @@ def read_specs(path: str | PathLike[str]) -> tuple[Spec, ...]:
 
 def write_specs(specs: Iterable[Spec], path: str | PathLike[str]) -> None:
     """Write specifications as a TOML file. Raises StorageError."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(specs_to_toml(specs), encoding="utf-8")
+    write_text(path, specs_to_toml(specs))
 
 
 def specs_to_toml(specs: Iterable[Spec]) -> str:

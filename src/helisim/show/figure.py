@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from helisim.base.arrays import Real
-from helisim.base.files import atomic_write
+from helisim.base.files import write_text
 
 Ink = Literal[  # meaning of a mark; levels are of areas
     "data", "identified", "truth", "third", "fourth", "grey", "level1", "level2", "level3"
@@ -192,8 +192,7 @@ class Drawing:
 
     def write(self, folder: Path) -> None:
         """Write NAME.svg into a folder that exists. Raises StorageError."""
-        with atomic_write(folder / f"{self.name}.svg") as path:
-            path.write_text(self.svg, encoding="utf-8")
+        write_text(folder / f"{self.name}.svg", self.svg)
 
 
 def extent(values: Sequence[Real], margin: float = 0.0) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.settings import (
     Checked,
     check,
@@ -134,7 +134,6 @@ class FlightPlan(Displayed):
             if self.ground is None:
                 object.__setattr__(self, "ground", self.mission.ground)
         check(self, "plan")
-        object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.duration)
 
     def __repr__(self) -> str:
@@ -221,5 +220,4 @@ def read_plan(path: str | PathLike[str]) -> FlightPlan:
 
 def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
     """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(plan.to_toml(), encoding="utf-8")
+    write_text(path, plan.to_toml())

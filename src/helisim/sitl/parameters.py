@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.files import atomic_write
+from helisim.base.files import write_text
 from helisim.base.linear import Linear
-from helisim.base.settings import check
+from helisim.base.settings import Checked
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
 from helisim.handling.figures import margins, rejection
@@ -47,15 +47,12 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class AutopilotParameters:
+class AutopilotParameters(Checked):
     """Settings of an autopilot by heading, and remarks on what they lack."""
 
     title: str
     groups: Mapping[str, tuple[Setting, ...]] = field(repr=False)
     remarks: tuple[str, ...] = field(default=(), repr=False)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -81,8 +78,7 @@ class AutopilotParameters:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write the file. Raises StorageError."""
-        with atomic_write(path) as temporary:
-            temporary.write_text(self.text, encoding="utf-8")
+        write_text(path, self.text)
 
 
 def _comment(text: str) -> Iterable[str]:

@@ -11,8 +11,8 @@ from helisim.base.errors import InputError, StorageError, item_of
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
 from helisim.base.settings import (
+    Checked,
     Value,
-    check,
     convert,
     from_plain,
     placed,
@@ -59,7 +59,7 @@ class Exclusion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Results(Displayed):
+class Results(Checked, Displayed):
     """Findings of one experiment, the content of `results.json`.
 
     `ground` is by rig, `verification` by model: figures of its prediction of unseen flights.
@@ -76,9 +76,6 @@ class Results(Displayed):
     verification: Mapping[str, VerificationFigures] = field(default_factory=dict)
     gyro_effect: GyroEffect | None = None
     eq_8: OverallCheck | None = None
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __getitem__(self, name: str) -> ComparisonTable:
         """Return the table of a model. Raises UnknownNameError."""
@@ -152,7 +149,7 @@ _FILED = [name for name in setting_names(ident.Verification) if name != "inputs"
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModel(Value):
+class IdentifiedModel(Checked, Value):
     """One identified model with its exact response and verification.
 
     `exact` is without error, None for a real vehicle; `verification` predicts flights that the fit
@@ -165,9 +162,6 @@ class IdentifiedModel(Value):
     note: str = ""
     verification: ident.Verification | None = None
     verified_on: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
@@ -213,15 +207,12 @@ def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Value, Displayed):
+class Run(Checked, Value, Displayed):
     """Results, fits behind their tables, and kept sweeps by axis."""
 
     results: Results
     models: tuple[IdentifiedModel, ...] = ()
     flights: Mapping[str, Sequence[FlightRecord]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __repr__(self) -> str:
         return f"Run({self.results!r}, {len(self.models)} models)"

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError, check_known
-from helisim.base.settings import Limits, Value, check, convert, setting
+from helisim.base.settings import Checked, Limits, Value, check, convert, setting
 from helisim.handling.loop import BY_NAME, PLACES, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.interval import (
     UNITS,
@@ -132,7 +132,7 @@ def _latencies(records: Sequence[FlightRecord]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Value):
+class Driven(Checked, Value):
     """Responses, (n_out, n_freq), of outputs to one injected signal, all other injected ones held.
 
     At (n_freq,) rad/s; `root` is a root R of the errors' covariance R R*, (n_out n_freq,) squared.
@@ -144,9 +144,6 @@ class Driven(Value):
     response: Complex
     root: Complex = field(repr=False)
     flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def samples(self, count: int, seed: int) -> Complex:
         """Return draws of the response, (count, n_out, n_freq), in pairs about this one."""
