@@ -103,8 +103,7 @@ class Plant(Value):
         """The plant at the gyro's ticks, delays exact. Raises NoResponse if something leads."""
         try:
             with one_blas_thread():  # matrices are small: a hundred times as fast
-                parts = [one.discretise(self.period) for one in self._parts]
-                whole = beside(parts, self.inputs)
+                whole = beside([one.discretise(self.period) for one in self._parts], self.inputs)
         except InputError as error:
             raise NoResponse(str(error)) from None
         taken = self._taken(whole)
@@ -119,8 +118,7 @@ class Plant(Value):
         def share(name: str, row: str) -> float:
             if name not in ANGLES:
                 return float(name == row)
-            turns = dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist()))
-            return turns.get(row, 0.0)
+            return dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist())).get(row, 0.0)
 
         return np.array([[share(name, row) for row in system.outputs] for name in self.outputs])
 
@@ -169,7 +167,6 @@ class Plant(Value):
             for name in inputs
         }
         states = (*structure.states, *(integrals[outputs[k]] for k in lacking))
-        behind = dict(zip(seen, late))
         return LinearSystem(
             a,
             b,
@@ -180,7 +177,7 @@ class Plant(Value):
             tuple(seen),
             states,
             waits,
-            behind,
+            dict(zip(seen, late)),
         )
 
     def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":

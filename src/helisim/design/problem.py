@@ -259,15 +259,14 @@ class Search:
         trial = objective(at, False)
         assert trial is not None  # stable from the first phase on
 
-        found = descend(
+        return descend(
             objective,
             trial,
             goal,
             self._problem.box,
             steps=_STEPS[phase],
             on_step=lambda one: self._tell(f"{phase}: worst {np.min(one.distances):+.2f}"),
-        )
-        return found.at
+        ).at
 
     def _goal(
         self, *, hard: float, soft: float = -np.inf, cost: float = 0.0, rigour: float = _RIGOUR

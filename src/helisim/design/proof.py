@@ -368,8 +368,7 @@ def prove(
     rough = stops(flies, replace(_base(plan, _ROUGH), weather=plan.weather))
     measured, remarks = measured_loop(sweeps)
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
-    asked = with_usual(specs, AXES)
-    table = compare(asked, predicted=predicted, exact=exact, flown=measured)
+    table = compare(with_usual(specs, AXES), predicted=predicted, exact=exact, flown=measured)
     return Proof(table, sweeps, events, before, rough, exact, measured, predicted, remarks)
 
 

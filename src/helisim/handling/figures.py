@@ -48,8 +48,7 @@ def crossings(frequency: Real, values: Real, *, most: float = np.inf) -> Crossin
     kept = np.abs(step) < most
     index, step = index[kept], step[kept]
     share, low = -values[index] / step, frequency[index]
-    where = low * (frequency[index + 1] / low) ** share
-    return Crossings(index, share, where, positive[index + 1])
+    return Crossings(index, share, low * (frequency[index + 1] / low) ** share, positive[index + 1])
 
 
 def peak(frequency: Real, values: Real) -> tuple[float, float]:

@@ -156,8 +156,7 @@ class Drawing:
     @property
     def across(self) -> Scale:
         """The horizontal axis."""
-        marks = [mark.x for panel in self.panels for mark in panel.marks]
-        low, high = self.limits or extent(marks)
+        low, high = self.limits or extent([mark.x for panel in self.panels for mark in panel.marks])
         return Scale.decades(low, high) if self.logarithmic else Scale.of(low, high, most=8)
 
     @cached_property

@@ -200,8 +200,7 @@ def _log_flight(
     recording: rr.RecordingStream, name: str, record: FlightRecord, parts: Parts
 ) -> None:
     root, provenance = rr.escape_entity_path_part(name), dict(record.provenance)
-    text = json.dumps(provenance, sort_keys=True)
-    recording.send_property(name, rr.AnyValues(provenance=text))
+    recording.send_property(name, rr.AnyValues(provenance=json.dumps(provenance, sort_keys=True)))
     step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0
     every = slice(None, None, max(1, int(1.0 / (_HZ * step) + 1e-6)))
     seen = FlightRecord(record.time[every], record.values[every], record.channels, provenance)

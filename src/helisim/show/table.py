@@ -116,11 +116,10 @@ def as_text(table: Table) -> str:
 
 def filled(text: str, label: str = "") -> str:
     """Return text wrapped behind a label, with numbers unbroken from percent signs."""
-    wrapped = textwrap.fill(
+    return textwrap.fill(
         text.replace(" %", f"{NO_BREAK}%"),
         WIDTH,
         initial_indent=label,
         subsequent_indent=" " * len(label),
         break_on_hyphens=False,
-    )
-    return wrapped.replace(NO_BREAK, " ")
+    ).replace(NO_BREAK, " ")

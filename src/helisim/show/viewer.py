@@ -134,8 +134,7 @@ def watch(
     rotors, pace = Rotors(model), Pace(data.time, clock, sleep)
     with installed():
         while window.is_running() and data.time < end - 0.5 * step:
-            times = (data.time, min(pace.due(data.time), end))
-            made, due = (round(time / step) for time in times)
+            made, due = (round(time / step) for time in (data.time, min(pace.due(data.time), end)))
             with window.lock():
                 for _ in steps(model, data, added=flight.added, first=made, count=due):
                     pass

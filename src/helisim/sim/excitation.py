@@ -227,9 +227,8 @@ def check_excitation(excitation: Any) -> None:
             f"a flight plan needs an excitation such as Sweep(axis='lat'), got {excitation!r:.80}"
         )
     excitation.check()
-    ways = ("wave", "sticks", "added")
     if not is_compiled(excitation) and all(
-        getattr(kind, name) is getattr(Excitation, name) for name in ways
+        getattr(kind, name) is getattr(Excitation, name) for name in ("wave", "sticks", "added")
     ):
         raise InputError(
             f"{kind.__name__} doesn't say how it moves: give it a method wave(self, time) that "

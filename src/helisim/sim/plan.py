@@ -208,8 +208,7 @@ def as_plan(flown: Flyable) -> FlightPlan:
     """Return a plan as it is, a bare manoeuvre or mission as a plan with all else default."""
     if isinstance(flown, FlightPlan):
         return flown
-    mission = isinstance(flown, Mission)
-    return FlightPlan(mission=flown) if mission else FlightPlan(excitation=flown)
+    return FlightPlan(mission=flown) if isinstance(flown, Mission) else FlightPlan(excitation=flown)
 
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:

@@ -356,8 +356,7 @@ class Recorder:
 class _Sampling:
     def __init__(self, recorder: Recorder, flight: Trajectory, rng: np.random.Generator) -> None:
         self.recorder, self.flight, self.rng = recorder, flight, rng
-        lasts = flight.time[-1] - flight.time[0]
-        count = int(np.floor(lasts * recorder.rate_hz + 1e-6)) + 1
+        count = int(np.floor((flight.time[-1] - flight.time[0]) * recorder.rate_hz + 1e-6)) + 1
         self.time = flight.time[0] + np.arange(count) / recorder.rate_hz
         rate_hz, corner = 1.0 / flight.timestep, recorder.antialias_hz
         passes = corner >= 0.5 * rate_hz

@@ -47,8 +47,7 @@ _DRIFT = 4e-3  # rad between the halves of the rest: two standard errors of each
 def pedal_steps(time: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return pedal steps, (n_time,), at times in s: each to one side, back, to the other, back."""
     stick = np.zeros(time.size)
-    sides = [side * size for size in _STEPS for side in (1.0, -1.0)]
-    for number, step in enumerate(sides):
+    for number, step in enumerate([side * size for size in _STEPS for side in (1.0, -1.0)]):
         since = time - _APART - number * (_HELD + _APART)
         stick[(since >= 0.0) & (since < _HELD)] = step
     return stick
@@ -454,8 +453,7 @@ def turntable_test(
 
 
 def _ratio_error(part: float, error: float, over: Finding) -> float:
-    of_bench = part / over.value**2 * (over.standard_error or 0.0)
-    return math.hypot(error / over.value, of_bench)
+    return math.hypot(error / over.value, part / over.value**2 * (over.standard_error or 0.0))
 
 
 def _check_servo(record: FlightRecord) -> None:

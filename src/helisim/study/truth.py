@@ -84,13 +84,11 @@ def exact_response(
 
     With a reference it is the joint input-output method's limit: conditioning channels are held.
     """
-    inputs = "IN2" if model.reference or model.input == "IN2" else "IN1"
-    linear = vehicle.linearize(inputs)
+    linear = vehicle.linearize("IN2" if model.reference or model.input == "IN2" else "IN1")
     driving = model.reference or model.inputs
     response = _recorded(linear, model.outputs, driving, recorder, omega)
     if model.reference:
-        given = (*model.inputs, *model.conditioning)
-        driven = _recorded(linear, given, driving, recorder, omega)
+        driven = _recorded(linear, (*model.inputs, *model.conditioning), driving, recorder, omega)
         # H U = Y at each frequency, axes (outputs, inputs, frequencies)
         response = np.linalg.solve(driven.T, response.T).T[:, : len(model.inputs)]
     else:

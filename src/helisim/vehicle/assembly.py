@@ -244,8 +244,7 @@ def wash_coefficients(x: float, z: float) -> tuple[float, ...]:
     hover, descent = max(0.0, float(wash[0])), float(wash[-1])
     upright = np.where(cosine > 0.0, hover, descent) * cosine**2
     powers = cosine[:, None] ** np.arange(WASH - 2)
-    basis = np.sin(_SKEWS)[:, None] ** 2 * powers
-    fitted = np.linalg.lstsq(basis, wash - upright, rcond=None)[0]
+    fitted = np.linalg.lstsq(np.sin(_SKEWS)[:, None] ** 2 * powers, wash - upright, rcond=None)[0]
     return tuple(round(float(one), _DIGITS) for one in (hover, descent, *fitted))
 
 

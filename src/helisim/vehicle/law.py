@@ -106,8 +106,7 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
 
     def off(at: NDArray[np.float64]) -> NDArray[np.float64]:
         after = at[:n].copy()
-        given = law(seen(at), after)
-        return np.array([*(after - at[:n]), *(np.array(given) - law.commands)])
+        return np.array([*(after - at[:n]), *(np.array(law(seen(at), after)) - law.commands)])
 
     for _ in range(_TRIES):
         left = off(at)

@@ -114,8 +114,7 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
 
 def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a model with constant rotor speed; itself if it has that already."""
-    rotor = addresses(model).rotor
-    if not model.actuator_user[rotor, PARAM.drive_governor]:
+    if not model.actuator_user[addresses(model).rotor, PARAM.drive_governor]:
         return model
     plain = copy.copy(model)
     set_governor(plain, IDEAL)

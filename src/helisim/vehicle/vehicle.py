@@ -219,8 +219,7 @@ class Vehicle(Value, Displayed):
 
     def cut(self, axis: str) -> LinearSystem:
         """Return what `loop` does, with a frequency response of its own."""
-        cut = close(self._base, self.gyro, imu=self.imu_offset, cut=axis)
-        return cut.select(outputs=(axis,))
+        return close(self._base, self.gyro, imu=self.imu_offset, cut=axis).select(outputs=(axis,))
 
     def with_settings(self, settings: Mapping[str, float]) -> "Vehicle":
         """Return the same vehicle, not trimmed again, with other settings such as "gyro.k_p".

@@ -190,8 +190,7 @@ def _error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> C
     """
     n_out, n_freq = scatter.noise.shape[1], scatter.frequency.size
     last = max(int(np.max(one.first)) + one.value.shape[3] for one in scatter.weights)
-    n_flight = scatter.weights[0].value.shape[2]
-    taken = np.zeros((n_out, n_freq, n_flight, last), dtype=np.complex64)
+    taken = np.zeros((n_out, n_freq, scatter.weights[0].value.shape[2], last), dtype=np.complex64)
     for position, one in enumerate(scatter.weights):
         share = scatter.share[one.part, :, place, position].T.astype(np.float32)
         value = np.einsum("op,pel->oel", share, one.value[:, place])
@@ -443,8 +442,7 @@ class MeasuredMargins(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        figures = [one.to_dict() for one in self.figures]
-        return {"figures": figures, "remarks": list(self.remarks)}
+        return {"figures": [one.to_dict() for one in self.figures], "remarks": list(self.remarks)}
 
 
 @one_blas_thread()
