@@ -27,7 +27,7 @@ STICKS = ("LAT", "LON", "PED")
 """Asked angles of roll and pitch, rad, and the asked rate of yaw, rad/s."""
 ADDED = ("p_added", "q_added", "r_added")
 """Rates, rad/s, that SystemID's axes 7 to 9 add to the wanted ones."""
-_WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
+WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
 _GYRO_RATE = 1000.0  # Hz
@@ -65,9 +65,8 @@ class Rates:
         slope = slope + _share(self.slope_hz, period) * (rises / period - slope)
         if self.leaks:
             kept = kept - _LEAK * (kept - np.clip(kept, -self.least_leak, self.least_leak))
-        integral = np.clip(kept + self.i * error * period, -self.most, self.most)
-        if not self.i:
-            integral = np.zeros_like(error)
+        summed = np.clip(kept + self.i * error * period, -self.most, self.most)
+        integral = summed if self.i else np.zeros_like(error)
         asked = (target - last) / period
         command = self.p * error + self.d * slope + integral + self.ff * target + self.d_ff * asked
         return Terms(target, error, slope, integral, command)
@@ -131,7 +130,7 @@ class ArduCopterLaw(Checked, Value):
         shaped = given("ATC_RATE_FF_ENAB") != 0.0
         return cls(
             {axis: _rates(axis, given) for axis in COMMANDS},
-            {axis: given(f"ATC_ANG_{word}_P") for axis, word in _WORDS.items()},
+            {axis: given(f"ATC_ANG_{word}_P") for axis, word in WORDS.items()},
             1.0 / given("SCHED_LOOP_RATE"),
             given("INS_GYRO_FILTER"),
             max(given("ATC_INPUT_TC"), 0.01) if shaped else None,
@@ -220,7 +219,7 @@ def _share(corner: float, period: Each) -> Real:
 
 def _rates(axis: str, given: Callable[[str], float]) -> Rates:
     names = ["P", "I", "D", "FF", "D_FF", "FLTT", "FLTE", "FLTD", "IMAX", "ILMI"]
-    values = [given(f"ATC_RAT_{_WORDS[axis]}_{name}") for name in names]
+    values = [given(f"ATC_RAT_{WORDS[axis]}_{name}") for name in names]
     return Rates(*values, leaks=axis != "ped")
 
 
@@ -241,7 +240,7 @@ _ALSO = {
 def _beyond(parameters: Mapping[str, float]) -> tuple[str, ...]:
     said = {
         name.format(word): text.format(axis_of(axis).word)
-        for axis, word in _WORDS.items()
+        for axis, word in WORDS.items()
         for name, text in _BEYOND.items()
     }
     return tuple(

@@ -50,11 +50,9 @@ def table(
 
     "<" aligns words to the left, "*" marks a column for pages only, a unit is in brackets.
     """
-    columns = []
-    for one in notation.split("|"):
-        heading, left, page, unit = _COLUMN.findall(one)[0]
-        columns.append(Column(heading, bool(left), bool(page), unit))
-    return Table(title, tuple(columns), tuple(map(tuple, rows)), lead, tuple(notes))
+    parts = (_COLUMN.findall(one)[0] for one in notation.split("|"))
+    columns = tuple(Column(name, bool(left), bool(page), unit) for name, left, page, unit in parts)
+    return Table(title, columns, tuple(map(tuple, rows)), lead, tuple(notes))
 
 
 def number(value: float | None, form: str = ".4g") -> str:

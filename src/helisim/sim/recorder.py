@@ -71,11 +71,11 @@ class End:
     def error(self) -> DivergedError:
         """Return the error of a flight that ended so."""
         change = (
-            "fly a smaller amplitude, a narrower band or a mission with other settings, or check "
-            "the gyro's gains"
+            "fly for a shorter time, or give battery.capacity or battery.charge more"
+            if "emptied its battery" in self.why
+            else "fly a smaller amplitude, a narrower band or a mission with other settings, or "
+            "check the gyro's gains"
         )
-        if "emptied its battery" in self.why:
-            change = "fly for a shorter time, or give battery.capacity or battery.charge more"
         advice = f"; {change}" if self.traceback is None else ""
         error = DivergedError(f"{self.why} at {self.at:.2f} s{advice}")
         if self.traceback:

@@ -14,10 +14,11 @@ from helisim.base.files import write_text
 from helisim.base.linear import Linear
 from helisim.base.settings import Checked
 from helisim.base.units import STANDARD_GRAVITY
-from helisim.handling.arducopter import COMMANDS
+from helisim.handling.arducopter import COMMANDS, WORDS
 from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.records.record import IN1
+from helisim.sitl.aircraft import SPOOL_UP
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import (
     CYCLIC,
@@ -91,7 +92,6 @@ def _number(value: float) -> str:
 
 _RANGE = 0.5  # Of the sticks, to each side, in the unit of col and cyclic
 _HALF = 500.0  # us, a servo's travel to each side by default
-_SPOOL_UP = 12.0  # s, without a motor's numbers, as in `helisim.sitl.aircraft`
 _LANDED = -2.0  # deg, blade pitch to which the collective goes down at least
 _ASIDE = 40.0  # us, of the tail's trim from its hover pulse: 0.08 of full yaw
 _SAME = 1e-6
@@ -203,7 +203,7 @@ def rotor(vehicle: Vehicle, outputs: Outputs) -> Group:
     far = one.trim + one.travel * 100.0 / setpoint
     own = f"SERVO{one.channel:g}_"
     said = vehicle.parameters["drive.spool_up"]
-    spool = said or _SPOOL_UP
+    spool = said or SPOOL_UP
     return (
         Setting(f"{own}FUNCTION", ROTOR_FUNCTION, "speed of the rotor"),
         Setting(f"{own}MIN", round(min(one.trim, far))),
@@ -306,7 +306,6 @@ def _servo(output: Output, function: int, turned: bool, why: str, aside: float =
     )
 
 
-_WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 _QUICK = 10.0  # rad/s, at which a collective lifts before the vehicle moves
 
 
@@ -383,13 +382,13 @@ _LOOPS = (
 
 
 def _axis(tuning: Tuning, axis: str) -> Group:
-    gains, own = tuning.gains[axis], f"ATC_RAT_{_WORDS[axis]}_"
+    gains, own = tuning.gains[axis], f"ATC_RAT_{WORDS[axis]}_"
     cut, left = margins(tuning.loop.broken(axis)), rejection(tuning.loop.disturbance(axis))
     unit = "rad/s of " + str(axis_of(axis).rate)
     limit = 1.0 if axis == "ped" else 0.5
     return (
         Setting(
-            f"ATC_ANG_{_WORDS[axis]}_P",
+            f"ATC_ANG_{WORDS[axis]}_P",
             gains.angle,
             f"1/s. Predicted, cut at the command: gain margin {cut.least_gain:.1f} dB, phase "
             f"margin {math.degrees(cut.least_phase):.0f} deg, crossover "

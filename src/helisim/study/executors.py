@@ -10,6 +10,7 @@ from threading import Thread
 from typing import Any
 
 from helisim.base.errors import InputError, WorkerError
+from helisim.sim.flight import thread_count
 
 Work = Callable[[Any], Any]
 Results = Generator[Any, None, None]  # closing it stops the work
@@ -18,9 +19,7 @@ Executor = Callable[[Work, Sequence[Any]], Results]  # yields results in any ord
 
 def local(jobs: int | None = None) -> Executor:
     """Return an executor of `jobs` processes, one a processor if None. Raises InputError."""
-    count = (os.cpu_count() or 1) if jobs is None else jobs
-    if not isinstance(count, int) or count < 1:
-        raise InputError(f"jobs must be an integer of 1 or more, got {count}")
+    count = thread_count(jobs)
 
     def execute(work: Work, tasks: Sequence[Any], /) -> Results:
         left, others = len(tasks), set(active_children())

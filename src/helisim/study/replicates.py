@@ -193,9 +193,8 @@ def _schema(campaign: Campaign) -> pa.Schema:
 
 def read_dataset(path: str | Path) -> tuple[pa.Table, dict[str, Any]]:
     """Return table and provenance of a campaign's dataset or folder. Raises StorageError."""
-    path = Path(path)
-    if path.is_dir():
-        path = path / _NAME  # which a campaign writes when it is complete
+    # a campaign writes its dataset when it is complete
+    path = Path(path) / _NAME if Path(path).is_dir() else Path(path)
     table = _read(path)
     return table, _header(path, table.schema)
 

@@ -165,9 +165,8 @@ class IdentifiedModel(Checked, Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        told = None
-        if self.verification is not None:
-            told = {name: as_json(getattr(self.verification, name)) for name in _FILED}
+        found = self.verification
+        told = found and {name: as_json(getattr(found, name)) for name in _FILED}
         return {
             "name": self.name,
             "note": self.note,
@@ -238,9 +237,6 @@ def read_run(folder: str | Path) -> Run:
 
 def read_kept_sweeps(folder: Path, left_out: Collection[str]) -> dict[str, list[FlightRecord]]:
     """Read the sweeps of a run's folder without those left out, by axis. Raises StorageError."""
-    kept: dict[str, list[FlightRecord]] = {}
-    for axis in AXES:
-        for path in sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")):
-            if path.stem not in left_out:
-                kept.setdefault(axis, []).append(read_record(path))
-    return kept
+    found = {axis: sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")) for axis in AXES}
+    kept = {axis: [p for p in paths if p.stem not in left_out] for axis, paths in found.items()}
+    return {axis: list(map(read_record, paths)) for axis, paths in kept.items() if paths}

@@ -71,9 +71,8 @@ def _equivalent_values(
     omega = np.geomspace(*model.band, 200) if like is None else like.frequency
     each = [exact_response(there, model, recorder, omega) for _, there in air]
     mean = np.array(sum(share * one.response for (share, _), one in zip(air, each)))
-    exact = replace(each[0], response=mean)
-    if like is not None:
-        exact = replace(exact, coherence=like.coherence)
+    coherence = each[0].coherence if like is None else like.coherence
+    exact = replace(each[0], response=mean, coherence=coherence)
     return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)
 
 

@@ -11,9 +11,10 @@ from scipy.optimize import least_squares
 
 from helisim.base.errors import InputError, ModelError
 from helisim.base.units import DB_PER_NEPER
+from helisim.design.exact import exact_loop
 from helisim.design.plant import Plant
 from helisim.handling import figures
-from helisim.handling.loop import Curve
+from helisim.handling.spec import ATTITUDES
 from helisim.ident import identify, load_fit, structures
 from helisim.ident.evaluate import response
 from helisim.logs.dataflash import is_dataflash
@@ -49,8 +50,7 @@ _INSTEAD = (
     "cyclic_bandwidth, yaw_bandwidth, peak_sensitivity"
 )
 
-LOOPS = ("lat", "lon", "ped")
-
+LOOPS = ATTITUDES  # of the gyro
 _STEPS = 30
 _DIFFERENCE = 3e-3  # relative step of derivatives, above the noise of solved gains
 _REST = 0.02  # weight that holds what the targets leave free
@@ -69,10 +69,8 @@ class Margins:
 
 def margins(vehicle: Vehicle, axis: str) -> Margins:
     """Return the margins of the gyro's loop at one of `LOOPS`, the other loops closed."""
-    loop = vehicle.loop(axis)
-    omega = np.geomspace(0.3, 0.999 * np.pi / loop.dt, 4000)
-    answer = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
-    found = figures.margins(Curve(omega, -answer))
+    omega = np.geomspace(0.3, 0.999 * np.pi / vehicle.parameters["gyro.period"], 4000)
+    found = figures.margins(exact_loop(vehicle, omega).broken(axis))
     if not found.crosses:
         raise ModelError(f"the {axis} loop has no crossover: its gain never falls through one")
     above = [size for at, size in found.gain if at > found.crossover]

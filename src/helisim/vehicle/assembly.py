@@ -280,9 +280,8 @@ def assemble(
     if integrator not in (None, *_INTEGRATORS):
         raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
     folder = model_folder(vehicle)
-    path = mjcf_file(folder) if rig is None else rig_file(folder, rig)
-    if visual and (folder / "scene.xml").is_file():
-        path = folder / "scene.xml"
+    path, scene = mjcf_file(folder) if rig is None else rig_file(folder, rig), folder / "scene.xml"
+    path = scene if visual and scene.is_file() else path
     block = force_law_block(parameters)
     with _named(path):
         spec = mujoco.MjSpec.from_file(str(path))

@@ -358,8 +358,7 @@ def standard_parameters(
                 remedy=Command(command, (str(folder),), (Option("write"),)),
             )
     found = read_parameters(*(path for path in files if path.is_file()))
-    if not files[2].is_file():
-        found = untuned(found)
+    found = found if files[2].is_file() else untuned(found)
     for name, known in glossary().items():
         if not known.optional and not {name, *INSTEAD.get(name, ())} & set(found):
             raise ModelError(

@@ -95,10 +95,12 @@ def cuts_by_name(names: Sequence[str]) -> tuple[Cut, ...]:
 
 
 def _drives(record: FlightRecord, cuts: Sequence[Cut]) -> tuple[str, ...]:
-    injected: list[str] = []
-    for place in PLACES:
-        names = [cut.injected for cut in cuts if cut.at == place and cut.injected in record]
-        injected += _large({name: float(np.std(record[name])) for name in names}, _FAINT)
+    there = [cut for cut in cuts if cut.injected in record]
+    sizes = [
+        {cut.injected: float(np.std(record[cut.injected])) for cut in there if cut.at == place}
+        for place in PLACES
+    ]
+    injected = [name for one in sizes for name in _large(one, _FAINT)]
     speeds = {name: float(np.std(np.diff(record[name]))) for name in IN2 if name in record}
     return tuple(injected or _large(speeds, _SWEPT))
 
@@ -126,9 +128,8 @@ def _latencies(records: Sequence[FlightRecord]) -> dict[str, float]:
         recorder = record.provenance.get("recorder")
         late = recorder.get("latency") if isinstance(recorder, Mapping) else None
         found |= late if isinstance(late, Mapping) else {}
-    for name in found.keys() & set(IN1):
-        found |= {f"{name}_disturbance": found[name], f"{name}_sum": found[name]}
-    return found
+    named = {one: name for name in IN1 for one in (f"{name}_disturbance", f"{name}_sum")}
+    return found | {one: found[name] for one, name in named.items() if name in found}
 
 
 @dataclass(frozen=True, eq=False)
