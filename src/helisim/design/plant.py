@@ -166,7 +166,6 @@ class Plant(Value):
             name: model.delays[name] + (self.late.get(name, 0.0) - 0.5 * self.period)
             for name in inputs
         }
-        states = (*structure.states, *(integrals[outputs[k]] for k in lacking))
         return LinearSystem(
             a,
             b,
@@ -175,7 +174,7 @@ class Plant(Value):
             None,
             inputs,
             tuple(seen),
-            states,
+            (*structure.states, *(integrals[outputs[k]] for k in lacking)),
             waits,
             dict(zip(seen, late)),
         )

@@ -72,9 +72,9 @@ def attitude_start(
         )
     phase = _phase(plant)
     turned = _cyclic_rates(plant, _INVERTED) @ _turned(phase)
-    yaw = _rates(plant, _INVERTED, ["r"], ["ped"])
     (roll, pitch, ahead) = (
-        _inverse(one[:, k, k], period) for one, k in ((turned, 0), (turned, 1), (yaw, 0))
+        _inverse(one[:, k, k], period)
+        for one, k in ((turned, 0), (turned, 1), (_rates(plant, _INVERTED, ["r"], ["ped"]), 0))
     )
     law = AttitudeCommand(
         lat=AttitudeAxis(**_axis("cyclic", _WEAK * roll[0], *roll)),

@@ -216,10 +216,9 @@ def _clear(loops: Complex) -> NDArray[np.bool_]:
     near = (np.abs(size) < LEAST_GAIN) & (behind < LEAST_PHASE)
     angle = np.unwrap(np.angle(loops), axis=1)
     fallen = np.diff(np.floor((angle + np.pi) / (2.0 * np.pi)), axis=1) < 0.0
-    peak = -20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))
     return (
         begins
         & ~np.any(near, axis=1)
         & ~np.any(fallen & (size[:, 1:] > 0.0), axis=1)
-        & (peak < MOST_PEAK)
+        & ((-20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))) < MOST_PEAK)
     )

@@ -166,13 +166,12 @@ class IdentifiedModel(Checked, Value):
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
         found = self.verification
-        told = found and {name: as_json(getattr(found, name)) for name in _FILED}
         return {
             "name": self.name,
             "note": self.note,
             "fit": self.fit.to_dict(),
             "exact": as_json(self.exact),
-            "verification": told,
+            "verification": (found and {name: as_json(getattr(found, name)) for name in _FILED}),
             "verified_on": list(self.verified_on),
         }
 
