@@ -20,6 +20,7 @@ from helisim.handling.criterion import Criterion, Rating
 from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
 from helisim.handling.measured.interval import Interval, intervals
 from helisim.handling.measured.margins import MeasuredLoop, margins
+from helisim.handling.spec import ATTITUDES as AXES
 from helisim.handling.spec import Spec
 from helisim.records.record import ATTITUDES, IN1, RATES, FlightRecord
 from helisim.records.storage import write_record
@@ -80,7 +81,6 @@ SWEEPS = {
     "sticks_ped": _sines("ped", "sticks", (2.0, 60.0)),
 }
 """The sweeps of a proof, before they are sized: axes at once, each on its own lines."""
-AXES = ("lat", "lon", "ped")  # axes that are swept, and stepped too
 _SEED = 1  # of all flights
 _AXIS = {name: one.name for one in BY_NAME.values() for name in (one.name, one.angle)}
 

@@ -27,6 +27,7 @@ from helisim.sim.missions.autopilot import (
     POSITION,
     VELOCITY,
 )
+from helisim.sim.missions.mission import TICK
 from helisim.sim.plan import Pilot
 from helisim.sim.recorder import End, Recorder, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
@@ -47,7 +48,6 @@ _MIDDLE = 0.05  # Deflection of a collective that is in the middle: a throttle s
 _STILL, _STILL_CLIMB, _STILL_TURN = 0.4, 0.2, 0.15
 _SHORTEST = 0.1  # s, of a recording that makes a record: ten samples
 _ENVELOPE = FlightEnvelope(saturation=None)
-_ASKS = 0.02  # s between two looks of the pilot at the sticks, as of a radio link: 50 Hz
 
 
 class _Assistance:
@@ -144,7 +144,7 @@ class HandFlight(Live):
         self.par[[ROLL_ATTITUDE, ROLL_VELOCITY]] = 0.0
         self.flown_with, self._assistance = flown_with, _Assistance(vehicle, self.par)
         step = self.model.opt.timestep
-        self._asks_each = max(1, round(_ASKS / step))
+        self._asks_each = max(1, round(TICK / step))
         self._ticks_each = max(1, round(vehicle.parameters["gyro.period"] / step))
         self._recordings, self._controller = 0, ExitStack()
         weakref.finalize(self, self._controller.close).atexit = False

@@ -34,6 +34,7 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError
 from helisim.base.files import read_toml, write_text
 from helisim.base.settings import (
+    Brief,
     Checked,
     check,
     from_plain,
@@ -108,8 +109,8 @@ class Pilot(Checked):
         par[PARAM.remnant_interval] = self.remnant_interval
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightPlan(Displayed):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FlightPlan(Brief, Displayed):
     """All that a flight is flown with, beside the vehicle and the seed. Raises InputError.
 
     A mission replaces holding the hover. The recorder is the vehicle's own if None. Without a
@@ -135,9 +136,6 @@ class FlightPlan(Displayed):
                 object.__setattr__(self, "ground", self.mission.ground)
         check(self, "plan")
         check_faults(self.faults, self.duration)
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @property
     def name(self) -> str:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.base.arrays import Real
 from helisim.base.errors import DivergedError, InputError
-from helisim.base.settings import check, in_brief, setting, to_plain
+from helisim.base.settings import Brief, check, setting, to_plain
 from helisim.physics.layout import INJECTION, PARAM, SENSOR
 from helisim.physics.motion import flip
 from helisim.records.record import (
@@ -276,8 +276,8 @@ _NOISE = {
 _RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recorder:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Recorder(Brief):
     """A flight computer's rates, latencies, noise and resolution.
 
     `antialias_hz` is the corner of a fourth-order Butterworth filter. By channel name: `latency`,
@@ -305,9 +305,6 @@ class Recorder:
             )
         for name in (*(self.latency or ()), *self.noise, *self.resolution):
             channel(name)
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @classmethod
     def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":

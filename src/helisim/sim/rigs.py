@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.base.errors import InputError, RecordError, check_known, item_of
+from helisim.base.errors import InputError, RecordError, check_known, named
 from helisim.base.settings import is_number, to_plain
 from helisim.physics import pilot
 from helisim.physics.gyro import held_lag
@@ -339,8 +339,7 @@ class RigTest:
 
     def __getitem__(self, name: str) -> Finding:
         """Return the finding of that name. Raises UnknownNameError."""
-        found = {finding.name: finding for finding in self.findings}
-        return item_of(found, name, f"finding of the {self.rig}")
+        return named(self.findings, name, f"finding of the {self.rig}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""

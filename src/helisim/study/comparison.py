@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from helisim import ident
-from helisim.base.errors import item_of
+from helisim.base.errors import named
 from helisim.base.settings import check, setting
 from helisim.design.exact import Air
 from helisim.ident.fitted import Support
@@ -138,8 +138,7 @@ class ComparisonTable:
 
     def __getitem__(self, name: str) -> ParameterRow:
         """Return the row of a parameter. Raises UnknownNameError."""
-        rows = {row.name: row for row in self.parameters}
-        return item_of(rows, name, f"parameter of {self.name}")
+        return named(self.parameters, name, f"parameter of {self.name}")
 
     @property
     def misses(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from helisim import ident
 from helisim.base.display import Displayed
-from helisim.base.errors import InputError, StorageError, item_of
+from helisim.base.errors import InputError, StorageError, named
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
 from helisim.base.settings import (
@@ -79,7 +79,7 @@ class Results(Checked, Displayed):
 
     def __getitem__(self, name: str) -> ComparisonTable:
         """Return the table of a model. Raises UnknownNameError."""
-        return item_of({table.name: table for table in self.tables}, name, "table")
+        return named(self.tables, name, "table")
 
     def __repr__(self) -> str:
         return f"Results({len(self.tables)} models, {len(self.misses)} tolerance(s) missed)"
