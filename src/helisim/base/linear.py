@@ -395,6 +395,14 @@ class LinearSystem(Value):
         )
 
 
+def responses(
+    system: Linear, frequency: Real, outputs: Sequence[str], inputs: Sequence[str]
+) -> Response:
+    """Return a system's responses by name, (n_out, n_in, n_freq), at (n_freq,) rad/s."""
+    rows = [system.outputs.index(name) for name in outputs]
+    return system.response(frequency)[rows][:, [system.inputs.index(name) for name in inputs]]
+
+
 def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem:
     """Return systems, sampled alike, side by side with the given inputs."""
     a, c = (block_diag(*(getattr(one, name) for one in parts)) for name in "ac")

@@ -236,8 +236,7 @@ def _judged(
         except NoResponse:
             old = None
         judged.append(Judged(spec, old, here, worst, float(np.mean(holds[:, k])), cloud))
-    asked = problem.of_kind("hard", "soft")
-    return tuple(judged), float(np.mean(np.all(holds[:, asked], axis=1)))
+    return tuple(judged), float(np.mean(np.all(holds[:, problem.of_kind("hard", "soft")], axis=1)))
 
 
 def _draws(plant: Any, count: int, seed: int) -> tuple[Linear, ...]:

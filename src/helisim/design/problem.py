@@ -286,8 +286,7 @@ class Search:
     def _asked(self, trial: Trial) -> Real:
         count = trial.distances.size // len(self._hard)
         kept = ~np.tile(self._problem.widened, count) & (trial.distances >= -_HELD)
-        counts = np.tile(self._hard | self._soft, count) & ~kept
-        return np.where(counts, trial.distances, np.inf)
+        return np.where(np.tile(self._hard | self._soft, count) & ~kept, trial.distances, np.inf)
 
     def _worse(self, at: Real, margin: float) -> tuple[int, ...]:
         found: dict[int, tuple[float, int]] = {}

@@ -97,8 +97,7 @@ def sweep(wave: Multisine, loop: ClosedLoop, vehicle: Vehicle) -> Multisine:
     signals, swept = made.sticks(time) / 1e-3, replace(loop, frequency=_SWEPT)
     large = []
     for name in made.axes:
-        unit = signals[:, PLACES[made.at].index(name)]
-        peaks = _peaks(unit, swept.reached(made.at, _AXIS[name]))
+        peaks = _peaks(signals[:, PLACES[made.at].index(name)], swept.reached(made.at, _AXIS[name]))
         fits = min(most[name] / peak for name, peak in peaks.items() if name in most)
         large.append(float(min(share * fits, _MOST)))
     return replace(made, amplitude=tuple(large))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.linear import Linear, Response
+from helisim.base.linear import Linear, Response, responses
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.design.laws.law import Law, Lead
 from helisim.handling.closed_loop import ClosedLoop
@@ -131,9 +131,7 @@ def _cyclic_rates(plant: Linear, frequency: NDArray[np.float64]) -> Response:
 def _rates(
     plant: Linear, frequency: NDArray[np.float64], outputs: list[str], inputs: list[str]
 ) -> Response:
-    rows = [plant.outputs.index(name) for name in outputs]
-    columns = [plant.inputs.index(name) for name in inputs]
-    return np.moveaxis(plant.response(frequency)[np.ix_(rows, columns)], -1, 0)
+    return np.moveaxis(responses(plant, frequency, outputs, inputs), -1, 0)
 
 
 def _inverse(response: Response, period: float) -> tuple[float, float]:

@@ -174,8 +174,7 @@ def rejection(disturbance: Curve) -> Rejection:
     rises = found.frequency[found.rising]
     nearest = -1 if size[-1] <= HALF_POWER else int(np.argmin(size))
     extended = own[nearest] * 10.0 ** ((HALF_POWER - size[nearest]) / 20.0)
-    bandwidth = float(rises[0] if rises.size else extended)
-    return Rejection(bandwidth, highest, where, bool(rises.size))
+    return Rejection(float(rises[0] if rises.size else extended), highest, where, bool(rises.size))
 
 
 @dataclass(frozen=True)

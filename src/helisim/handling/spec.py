@@ -128,9 +128,8 @@ def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) 
     names = [axis_of(axis).name for axis in axes]
     attitudes = [axis for axis in names if axis in ATTITUDES]
     cyclic = ["lat", "lon"] if {"lat", "lon"} <= set(names) else []
-    bandwidth = partial(AttitudeBandwidth, task=name.removeprefix("ads33e_"))
     of_task = [
-        (bandwidth, "soft", attitudes),
+        (partial(AttitudeBandwidth, task=name.removeprefix("ads33e_")), "soft", attitudes),
         (AttitudeQuickness, "check", attitudes),
         (Coupling, "check", cyclic),
         (Damping, "soft", [WHOLE]),

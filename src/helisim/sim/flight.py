@@ -120,8 +120,7 @@ def simulate(
             raise trajectory.end.error()
         return trajectory
 
-    numbers = range(at_least("count", count, 1))
-    return _simulated(vehicle, plan, numbers, kept, seed=seed, jobs=jobs)
+    return _simulated(vehicle, plan, range(at_least("count", count, 1)), kept, seed=seed, jobs=jobs)
 
 
 def thread_count(jobs: int | None, name: str = "jobs") -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.files import write_text
-from helisim.base.linear import Linear
+from helisim.base.linear import Linear, responses
 from helisim.base.settings import Checked
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS, WORDS
@@ -434,9 +434,7 @@ def _lift(model: Linear, scale: NDArray[np.float64]) -> float:
     """Return the acceleration by all of the collective, m/s^2, 0 if nothing tells it."""
     if "w" not in model.outputs or "col" not in model.inputs:
         return 0.0
-    response = model.response(np.array([_QUICK]))
-    own = response[model.outputs.index("w"), model.inputs.index("col"), 0]
-    k = IN1.index("col")
+    own, k = responses(model, np.array([_QUICK]), ["w"], ["col"])[0, 0, 0], IN1.index("col")
     return float(abs(1j * _QUICK * own) * scale[k, k])
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim import ident
+from helisim.base.linear import responses
 from helisim.design.exact import Air
 from helisim.sim import Recorder
 from helisim.study.models import ModelSpec
@@ -52,8 +53,7 @@ def true_values(
     if model.truth_kind == "equivalent":
         return _equivalent_values(air, model, recorder, like)
     for name, (axis, motion) in _DELAYS.items():
-        held = 0.5 * own["gyro.period"]
-        servo = held if model.servos_known else vehicle.servo_delay(axis)
+        servo = (0.5 * own["gyro.period"]) if model.servos_known else vehicle.servo_delay(axis)
         true[name] = servo + recorder.late(motion) - recorder.late(axis)
     true |= {f"A_{way}": true[f"Q_{way}"] * true["tau_f"] for way in "uv"}
     if "L_p" in model.structure.names:  # what opposes roll and pitch beside the tilted rotor
@@ -105,8 +105,5 @@ def _recorded(
     recorder: Recorder,
     omega: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    rows = [linear.outputs.index(name) for name in outputs]
-    columns = [linear.inputs.index(name) for name in inputs]
     delays = np.array([recorder.late(name) for name in outputs])
-    response = linear.response(omega)[np.ix_(rows, columns)]
-    return response * np.exp(-1j * delays[:, None, None] * omega)
+    return responses(linear, omega, outputs, inputs) * np.exp(-1j * delays[:, None, None] * omega)

@@ -26,7 +26,8 @@ from helisim.study.experiment import Source
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.paper import published_of
 from helisim.study.truth import exact_response, true_values
-from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
+from helisim.vehicle import Parameters, Vehicle
+from helisim.vehicle.parameters import solved
 from helisim.vehicle.rate_command import tune_rate_command
 
 _YAW = {"gyro.ped_latency": 0.02}
@@ -98,11 +99,7 @@ def tune(
         target = {name: value for name, value in target.items() if name in model.tolerances}
         settings |= _solve(vehicle, starts, model, target, shape, on_progress or (lambda _: None))
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
-    entries = {
-        name: PhysicalParameter(name, value, vehicle.parameters.entry(name).unit, source)
-        for name, value in settings.items()
-    }
-    return Parameters(entries)
+    return solved(settings, vehicle.parameters, source)
 
 
 def _solve(

@@ -239,8 +239,7 @@ def wash_coefficients(x: float, z: float) -> tuple[float, ...]:
     cosine = np.cos(_SKEWS)
     tube = (1.0 + _CONTRACTION * np.maximum(cosine, 0.0) ** 2) ** -0.25
     places = [(x + dx, z + dz) for dx in _SPREAD for dz in _SPREAD]
-    tubes = [loaded_downwash(*at, _SKEWS, radius=tube, core=_CORE) for at in places]
-    wash = np.mean(tubes, axis=0)
+    wash = np.mean([loaded_downwash(*at, _SKEWS, radius=tube, core=_CORE) for at in places], axis=0)
     hover, descent = max(0.0, float(wash[0])), float(wash[-1])
     upright = np.where(cosine > 0.0, hover, descent) * cosine**2
     powers = cosine[:, None] ** np.arange(WASH - 2)

@@ -271,6 +271,16 @@ class Parameters(Mapping[str, float]):
         return Parameters(entries)
 
 
+def solved(values: Mapping[str, float], own: Parameters, source: str) -> Parameters:
+    """Return new values of a vehicle's own parameters, by name, from one source."""
+    return Parameters(
+        {
+            name: PhysicalParameter(name, value, own.entry(name).unit, source)
+            for name, value in values.items()
+        }
+    )
+
+
 def read_entries(path: Path, entries: dict[str, PhysicalParameter]) -> Iterator[str]:
     """Add a TOML file's parameters to `entries`; yield each fault in words. Raises StorageError."""
     for section, members in read_toml(path).items():

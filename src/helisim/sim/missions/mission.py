@@ -202,12 +202,10 @@ class ScriptedPilot:
         angles = math.atan2(zy, zz), -math.asin(min(1.0, max(-1.0, zx))), math.atan2(yx, xx)
         v_north, v_east, v_down = flip(*data.qvel[:3].tolist())
         through, place = np.array((v_north, v_east, v_down)) @ turn, flip(*data.qpos[:3].tolist())
-        rates = flip(*data.qvel[3:6].tolist())
-        motion = Motion(*map(float, (*through, *rates, *angles, *place)))
+        motion = Motion(*map(float, (*through, *flip(*data.qvel[3:6].tolist()), *angles, *place)))
         points = self._points @ turn.T
         if self._uneven is None:
-            lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
-            clearance = -motion.down - lowest
+            clearance = -motion.down - float((points[:, 2] + self._radii).max(initial=-math.inf))
         else:
             points += place
             above = self._uneven.heights(np.array([data.time]), points[None])[0]
