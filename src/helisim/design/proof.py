@@ -166,8 +166,11 @@ def fly_events(
 
 
 def _base(plan: ProofPlan, duration: float = 10.0) -> FlightPlan:
-    nothing = History.of([0.0, duration], [0.0, 0.0], axis="lat", source="nothing")
-    return FlightPlan(excitation=nothing, pilot=_STEADY, recorder=plan.recorder)
+    return FlightPlan(
+        excitation=History.of([0.0, duration], [0.0, 0.0], axis="lat", source="nothing"),
+        pilot=_STEADY,
+        recorder=plan.recorder,
+    )
 
 
 def _flown(
@@ -242,8 +245,9 @@ class ComparedCriterion:
 
 
 def _finite(numbers: Mapping[str, float | None]) -> dict[str, Any]:
-    known = {name: one for name, one in numbers.items() if one is not None and np.isfinite(one)}
-    return dict.fromkeys(numbers) | known
+    return {
+        name: one if one is not None and np.isfinite(one) else None for name, one in numbers.items()
+    }
 
 
 def with_usual(specs: Iterable[Spec | Criterion], axes: Sequence[str]) -> tuple[Spec, ...]:

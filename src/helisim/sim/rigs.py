@@ -68,10 +68,12 @@ def table_sweep(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def hold(vehicle: Vehicle, rig: str) -> Vehicle:
     """Return the vehicle in a rig: "bench", "turntable" or "suspension"."""
-    model = assemble(
-        vehicle.folder, vehicle.parameters, timestep=float(vehicle.model.opt.timestep), rig=rig
+    return replace(
+        vehicle,
+        model=assemble(
+            vehicle.folder, vehicle.parameters, timestep=float(vehicle.model.opt.timestep), rig=rig
+        ),
     )
-    return replace(vehicle, model=model)
 
 
 def drive(

@@ -70,8 +70,7 @@ class Commanded:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Rates and attitudes."""
-        known = self.vehicle.outputs
-        return tuple(name for name in (*RATES, *ATTITUDES) if name in known)
+        return tuple(name for name in (*RATES, *ATTITUDES) if name in self.vehicle.outputs)
 
     def response(self, frequency: Real) -> Complex:
         """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""

@@ -81,8 +81,11 @@ class _Task(NamedTuple):
         return dict.fromkeys(COLUMNS) | given | {"parameter": parameter, "unit": unit, **found}
 
     def failed(self, reason: object) -> list[Row]:
-        free = [one for one in self.model.structure.free if one.name not in self.model.given]
-        return [self.row(one.name, one.unit, failure=str(reason)) for one in free]
+        return [
+            self.row(one.name, one.unit, failure=str(reason))
+            for one in self.model.structure.free
+            if one.name not in self.model.given
+        ]
 
 
 def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Row]:

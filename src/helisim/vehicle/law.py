@@ -106,7 +106,8 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
 
     def off(at: NDArray[np.float64]) -> NDArray[np.float64]:
         after = at[:n].copy()
-        return np.array([*(after - at[:n]), *(np.array(law(seen(at), after)) - law.commands)])
+        given = law(seen(at), after)  # which moves the state on
+        return np.array([*(after - at[:n]), *(np.array(given) - law.commands)])
 
     for _ in range(_TRIES):
         left = off(at)

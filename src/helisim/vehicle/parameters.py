@@ -321,12 +321,14 @@ def check_values(parameters: Mapping[str, float]) -> None:
 
 def untuned(parameters: Parameters) -> Parameters:
     """Return the parameters with plain values for missing settings of the gyro, not fit to fly."""
-    plain = {
-        name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
-        for name, known in glossary().items()
-        if known.untuned is not None
-    }
-    return Parameters(plain | parameters.entries())
+    return Parameters(
+        {
+            name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
+            for name, known in glossary().items()
+            if known.untuned is not None
+        }
+        | parameters.entries()
+    )
 
 
 def completed(parameters: Parameters) -> Parameters:

@@ -279,8 +279,13 @@ def with_both(parameters: Parameters) -> Parameters:
 
 def stated(parameters: Parameters) -> Parameters:
     """Return the parameters without what follows from others by `with_both`."""
-    entries = parameters.entries().items()
-    return Parameters({name: one for name, one in entries if not one.source.startswith(_FOLLOWS)})
+    return Parameters(
+        {
+            name: one
+            for name, one in parameters.entries().items()
+            if not one.source.startswith(_FOLLOWS)
+        }
+    )
 
 
 def changed(parameters: Parameters, changes: Mapping[str, float | str]) -> Parameters:

@@ -270,8 +270,14 @@ class Vehicle(Value, Displayed):
 
     def grounded_model(self, around: Around) -> mujoco.MjModel:
         """Return its model with something around it that it can touch, such as the ground."""
-        room, own = law_room(self.model), self.parameters
-        return with_room(self.model, self.folder, own, room, around=around, slung=self.slung)
+        return with_room(
+            self.model,
+            self.folder,
+            self.parameters,
+            law_room(self.model),
+            around=around,
+            slung=self.slung,
+        )
 
     def visual_model(self, around: Around | None = None) -> mujoco.MjModel:
         """Return the vehicle's model with all its parts and its scene."""
