@@ -146,8 +146,7 @@ class Problem:
 
     def law_at(self, at: Real) -> Law:
         """Return the law at coordinates, (n_free,)."""
-        moved = zip(self.free, at.tolist())
-        return self.law.replace({one.name: one.value(where) for one, where in moved})
+        return self.law.replace({one.name: one.value(x) for one, x in zip(self.free, at.tolist())})
 
     def loops(self, at: Real, which: Sequence[int] = (0,)) -> list[Loop]:
         """Return the loops that a law closes with some models."""

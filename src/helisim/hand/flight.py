@@ -54,8 +54,11 @@ class _Assistance:
     def __init__(self, vehicle: Vehicle, par: NDArray[np.float64]) -> None:
         gravity = float(np.linalg.norm(vehicle.model.opt.gravity))
         yaw_rate = abs(float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]))
-        attitude = ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat]))
-        level = {"k_attitude": attitude, "lon": 0.0, "lat": 0.0}
+        level = {
+            "k_attitude": ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat])),
+            "lon": 0.0,
+            "lat": 0.0,
+        }
         hover = {
             "k_velocity": VELOCITY / gravity,
             "k_position": POSITION,
@@ -155,8 +158,9 @@ class HandFlight(Live):
     def reset(self) -> None:
         """Hover above the pad again, at time 0; a recording that runs is dropped."""
         self._controller.close()
-        flying = self.vehicle.controller.flying(self.model)
-        self._law_failure = self._controller.enter_context(flying)
+        self._law_failure = self._controller.enter_context(
+            self.vehicle.controller.flying(self.model)
+        )
         self.deflection = Deflection()
         self._end: End | None = None
         self._rows: list[NDArray[np.float64]] | None = None
@@ -210,8 +214,9 @@ class HandFlight(Live):
         if deflection:
             self.deflection = Deflection(**deflection)
         end = self._steps + round(seconds / self.model.opt.timestep)
-        asked = (self._asks_each, self._ask)
-        loop = steps(self.model, self.data, asked, first=self._steps, count=end)
+        loop = steps(
+            self.model, self.data, (self._asks_each, self._ask), first=self._steps, count=end
+        )
         with installed():
             while self._end is None and (made := next(loop, None)) is not None:
                 at_tick = self._steps % self._ticks_each == 0

@@ -302,8 +302,11 @@ class Damping(Criterion):
 
     def rate(self, loop: Loop) -> Rating:
         """Return the pole's damping ratio and natural frequency."""
-        band = {"low": self.low * self.faster, "high": self.high * self.faster}
-        return self.rated(figures.least_damped(loop.poles, **band)._asdict())
+        return self.rated(
+            figures.least_damped(
+                loop.poles, low=self.low * self.faster, high=self.high * self.faster
+            )._asdict()
+        )
 
 
 @_with_facts

@@ -75,8 +75,7 @@ class Published:
 
     def get(self, name: str) -> ReferenceTable:
         """Return a table, without values if nothing is published."""
-        named = (table for table in self.tables if table.name == name)
-        return next(named, ReferenceTable(name=name))
+        return next((one for one in self.tables if one.name == name), ReferenceTable(name=name))
 
     @property
     def targets(self) -> dict[str, float]:
@@ -86,8 +85,10 @@ class Published:
 
 @cache
 def _all() -> Mapping[str, Published]:
-    tables = read_toml(Path(__file__).with_suffix(".toml"))
-    return {vehicle: from_plain(Published, one, vehicle) for vehicle, one in tables.items()}
+    return {
+        vehicle: from_plain(Published, one, vehicle)
+        for vehicle, one in read_toml(Path(__file__).with_suffix(".toml")).items()
+    }
 
 
 def published(vehicle: str) -> Published:

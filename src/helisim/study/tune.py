@@ -75,8 +75,9 @@ def margins(vehicle: Vehicle, axis: str) -> Margins:
     if not found.crosses:
         raise ModelError(f"the {axis} loop has no crossover: its gain never falls through one")
     above = [size for at, size in found.gain if at > found.crossover]
-    least = float(np.degrees(found.least_phase))
-    return Margins(min(above, default=np.inf), least, found.crossover)
+    return Margins(
+        min(above, default=np.inf), float(np.degrees(found.least_phase)), found.crossover
+    )
 
 
 def tune(

@@ -36,8 +36,9 @@ def models_folder() -> Path:
 
 def vehicle_names() -> tuple[str, ...]:
     """Return the names of the shipped vehicles."""
-    found = models_folder().glob(f"*/{PARAMETER_FILES[0]}")
-    return tuple(sorted(path.parent.name for path in found))
+    return tuple(
+        sorted(path.parent.name for path in models_folder().glob(f"*/{PARAMETER_FILES[0]}"))
+    )
 
 
 def model_folder(vehicle: str | os.PathLike[str], *, beside: Path | None = None) -> Path:

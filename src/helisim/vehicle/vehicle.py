@@ -76,8 +76,7 @@ class Vehicle(Value, Displayed):
 
     def __reduce__(self) -> tuple[Any, ...]:
         where = self.name if is_shipped(self.folder) else self.folder
-        own = self.parameters, self.model, self.trim, self.controller, self.slung
-        return _passed, (where, *own)
+        return _passed, (where, self.parameters, self.model, self.trim, self.controller, self.slung)
 
     @property
     def name(self) -> str:
@@ -163,8 +162,11 @@ class Vehicle(Value, Displayed):
             raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
         if inputs == "IN2":
             return close(self._base, self.gyro, imu=self.imu_offset)
-        held = 0.5 * self.parameters["gyro.period"]
-        return replace(self._base, delays=dict.fromkeys(IN1, held), trim=self.trim)
+        return replace(
+            self._base,
+            delays=dict.fromkeys(IN1, 0.5 * self.parameters["gyro.period"]),
+            trim=self.trim,
+        )
 
     @cached_property
     def digest(self) -> str:
