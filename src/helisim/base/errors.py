@@ -81,6 +81,11 @@ def item_of(found: Mapping[str, Item], name: str, what: str) -> Item:
     return found[name]
 
 
+def named(items: Iterable[Any], name: str, what: str) -> Any:
+    """Return the item whose `name` it is. Raises UnknownNameError."""
+    return item_of({one.name: one for one in items}, name, what)
+
+
 def check_known(
     what: str, names: Iterable[object], known: Collection[str], *, remedy: Remedy = ()
 ) -> None:

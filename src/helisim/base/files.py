@@ -120,9 +120,13 @@ def write_json(
     data: Mapping[str, Any], path: str | PathLike[str], *, indent: int | None = None
 ) -> None:
     """Write plain data as strict JSON. Raises StorageError."""
+    write_text(path, json.dumps(data, indent=indent, allow_nan=False) + "\n")
+
+
+def write_text(path: str | PathLike[str], text: str) -> None:
+    """Write a text, whole or not at all. Raises StorageError."""
     with atomic_write(path) as temporary:
-        text = json.dumps(data, indent=indent, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
 
 
 def check_suffix(path: Path, suffixes: tuple[str, ...]) -> str:

@@ -1,7 +1,7 @@
 """Linear systems with named signals: matrices, delays, responses, poles, feedback and sampling."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9  # s: tolerance of delays as whole periods, and of equal periods
 _GONE = 1e-4  # size of a pole in the z-plane that counts as a delay's
+_SMALL = 2.0**-20  # of a state or input, by which steps are probed
 
 
 class Linear(Protocol):
@@ -93,6 +94,24 @@ class LinearSystem(Value):
         inputs, outputs = tuple(system.input_labels), tuple(system.output_labels)
         period = float(system.dt or 0.0) or None
         return LinearSystem(a, b, c, d, period, inputs, outputs, tuple(system.state_labels))
+
+    @classmethod
+    def of_steps(
+        cls,
+        step: Callable[[Real, Real], Real],
+        count: int,
+        period: float,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+    ) -> "LinearSystem":
+        """Return what a linear function steps each period, s: its `count` states, by its inputs.
+
+        It is of states, (n_state,), and inputs, (n_in,), and returns the next states and outputs.
+        """
+        points = _SMALL * np.eye(count + len(inputs))
+        whole = np.column_stack([step(one[:count], one[count:]) / _SMALL for one in points])
+        (a, b), (c, d) = (np.hsplit(rows, [count]) for rows in np.vsplit(whole, [count]))
+        return LinearSystem(a, b, c, d, period, tuple(inputs), tuple(outputs))
 
     @cached_property
     def system(self) -> "control.StateSpace":
@@ -374,6 +393,14 @@ class LinearSystem(Value):
         return LinearSystem(
             a, b, c, d, period, self.inputs, self.outputs, tuple(names), name=self.name
         )
+
+
+def responses(
+    system: Linear, frequency: Real, outputs: Sequence[str], inputs: Sequence[str]
+) -> Response:
+    """Return a system's responses by name, (n_out, n_in, n_freq), at (n_freq,) rad/s."""
+    rows = [system.outputs.index(name) for name in outputs]
+    return system.response(frequency)[rows][:, [system.inputs.index(name) for name in inputs]]
 
 
 def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem:

@@ -572,6 +572,13 @@ def _item_in_brief(item: Any) -> str:
     return getattr(item, "__name__", type(item).__name__) if callable(item) else repr(item)
 
 
+class Brief:
+    """Base of dataclasses, `repr=False`, that are shown with their changed settings alone."""
+
+    def __repr__(self) -> str:
+        return in_brief(self)
+
+
 class Inline(dict[str, Any]):
     """A table that TOML writes within its line, `{ a = 1 }`; a list has one a line."""
 

@@ -69,14 +69,14 @@ def descend(
 
     Without a cost it ends as soon as nothing is short; `on_step` sees accepted trials.
     """
-    radius = _FIRST
+    radius, straight = _FIRST, np.zeros(here.distances.size)
     slopes: tuple[NDArray[np.float64], Real] | None = None
     for _ in range(steps):
         if goal.cost == 0.0 and not np.any(goal.shortfalls(here)):
             break
         if slopes is None:
             slopes = _slopes(objective, here, box)
-        step, foreseen = _step(here, slopes, goal, box, radius)
+        step, foreseen = _step(here, slopes, goal, box, radius, straight)
         if foreseen < _WORTHWHILE:
             break
         there, gained = _taken(objective, here, step, goal, box)
@@ -129,13 +129,11 @@ def _step(
     goal: Goal,
     box: tuple[Real, Real],
     radius: float,
-    bent: Real | None = None,
+    bent: Real,
 ) -> tuple[Real, float]:
     jacobian, gradient = slopes
     wanted = np.isfinite(goal.distances)
-    short = goal.distances[wanted] - here.distances[wanted]
-    if bent is not None:
-        short = short - bent[wanted]
+    short = goal.distances[wanted] - here.distances[wanted] - bent[wanted]
     rigour = goal.rigour[wanted]
     n, m = here.at.size, short.size
     # the unknowns: steps up, steps down, the worst shortfall, each shortfall

@@ -181,8 +181,7 @@ def design(
     ticks, tell = float(ticks), on_progress or (lambda _: None)
     with one_blas_thread():
         free = free_parameters(law.parameters(), bounds or {}, only)
-        sampled = _draws(plant, models, seed)
-        problem = Problem(law, tuple(specs), (plant, *sampled), free, ticks)
+        problem = Problem(law, tuple(specs), (plant, *_draws(plant, models, seed)), free, ticks)
         loop = problem.loops(problem.start)[0]
         for spec in specs:
             try:
@@ -194,8 +193,7 @@ def design(
         at, kept = search.run()
         if kept < 0.0 and search.models == (0,):
             raise infeasible(problem, at)
-        others = _draws(plant, drawn, seed + 1)
-        judged, share = _judged(problem, at, before or law, others, tell)
+        judged, share = _judged(problem, at, before or law, _draws(plant, drawn, seed + 1), tell)
     return DesignResult(
         before=before or law,
         law=problem.law_at(at),
@@ -238,8 +236,7 @@ def _judged(
         except NoResponse:
             old = None
         judged.append(Judged(spec, old, here, worst, float(np.mean(holds[:, k])), cloud))
-    asked = problem.of_kind("hard", "soft")
-    return tuple(judged), float(np.mean(np.all(holds[:, asked], axis=1)))
+    return tuple(judged), float(np.mean(np.all(holds[:, problem.of_kind("hard", "soft")], axis=1)))
 
 
 def _draws(plant: Any, count: int, seed: int) -> tuple[Linear, ...]:

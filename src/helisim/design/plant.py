@@ -103,8 +103,7 @@ class Plant(Value):
         """The plant at the gyro's ticks, delays exact. Raises NoResponse if something leads."""
         try:
             with one_blas_thread():  # matrices are small: a hundred times as fast
-                parts = [one.discretise(self.period) for one in self._parts]
-                whole = beside(parts, self.inputs)
+                whole = beside([one.discretise(self.period) for one in self._parts], self.inputs)
         except InputError as error:
             raise NoResponse(str(error)) from None
         taken = self._taken(whole)
@@ -119,8 +118,7 @@ class Plant(Value):
         def share(name: str, row: str) -> float:
             if name not in ANGLES:
                 return float(name == row)
-            turns = dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist()))
-            return turns.get(row, 0.0)
+            return dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist())).get(row, 0.0)
 
         return np.array([[share(name, row) for row in system.outputs] for name in self.outputs])
 
@@ -168,8 +166,6 @@ class Plant(Value):
             name: model.delays[name] + (self.late.get(name, 0.0) - 0.5 * self.period)
             for name in inputs
         }
-        states = (*structure.states, *(integrals[outputs[k]] for k in lacking))
-        behind = dict(zip(seen, late))
         return LinearSystem(
             a,
             b,
@@ -178,9 +174,9 @@ class Plant(Value):
             None,
             inputs,
             tuple(seen),
-            states,
+            (*structure.states, *(integrals[outputs[k]] for k in lacking)),
             waits,
-            behind,
+            dict(zip(seen, late)),
         )
 
     def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":

@@ -146,8 +146,7 @@ class Problem:
 
     def law_at(self, at: Real) -> Law:
         """Return the law at coordinates, (n_free,)."""
-        moved = zip(self.free, at.tolist())
-        return self.law.replace({one.name: one.value(where) for one, where in moved})
+        return self.law.replace({one.name: one.value(x) for one, x in zip(self.free, at.tolist())})
 
     def loops(self, at: Real, which: Sequence[int] = (0,)) -> list[Loop]:
         """Return the loops that a law closes with some models."""
@@ -259,15 +258,14 @@ class Search:
         trial = objective(at, False)
         assert trial is not None  # stable from the first phase on
 
-        found = descend(
+        return descend(
             objective,
             trial,
             goal,
             self._problem.box,
             steps=_STEPS[phase],
             on_step=lambda one: self._tell(f"{phase}: worst {np.min(one.distances):+.2f}"),
-        )
-        return found.at
+        ).at
 
     def _goal(
         self, *, hard: float, soft: float = -np.inf, cost: float = 0.0, rigour: float = _RIGOUR
@@ -287,8 +285,7 @@ class Search:
     def _asked(self, trial: Trial) -> Real:
         count = trial.distances.size // len(self._hard)
         kept = ~np.tile(self._problem.widened, count) & (trial.distances >= -_HELD)
-        counts = np.tile(self._hard | self._soft, count) & ~kept
-        return np.where(counts, trial.distances, np.inf)
+        return np.where(np.tile(self._hard | self._soft, count) & ~kept, trial.distances, np.inf)
 
     def _worse(self, at: Real, margin: float) -> tuple[int, ...]:
         found: dict[int, tuple[float, int]] = {}

@@ -20,6 +20,7 @@ from helisim.handling.criterion import Criterion, Rating
 from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
 from helisim.handling.measured.interval import Interval, intervals
 from helisim.handling.measured.margins import MeasuredLoop, margins
+from helisim.handling.spec import ATTITUDES as AXES
 from helisim.handling.spec import Spec
 from helisim.records.record import ATTITUDES, IN1, RATES, FlightRecord
 from helisim.records.storage import write_record
@@ -80,7 +81,6 @@ SWEEPS = {
     "sticks_ped": _sines("ped", "sticks", (2.0, 60.0)),
 }
 """The sweeps of a proof, before they are sized: axes at once, each on its own lines."""
-AXES = ("lat", "lon", "ped")  # axes that are swept, and stepped too
 _SEED = 1  # of all flights
 _AXIS = {name: one.name for one in BY_NAME.values() for name in (one.name, one.angle)}
 
@@ -97,8 +97,7 @@ def sweep(wave: Multisine, loop: ClosedLoop, vehicle: Vehicle) -> Multisine:
     signals, swept = made.sticks(time) / 1e-3, replace(loop, frequency=_SWEPT)
     large = []
     for name in made.axes:
-        unit = signals[:, PLACES[made.at].index(name)]
-        peaks = _peaks(unit, swept.reached(made.at, _AXIS[name]))
+        peaks = _peaks(signals[:, PLACES[made.at].index(name)], swept.reached(made.at, _AXIS[name]))
         fits = min(most[name] / peak for name, peak in peaks.items() if name in most)
         large.append(float(min(share * fits, _MOST)))
     return replace(made, amplitude=tuple(large))
@@ -167,8 +166,11 @@ def fly_events(
 
 
 def _base(plan: ProofPlan, duration: float = 10.0) -> FlightPlan:
-    nothing = History.of([0.0, duration], [0.0, 0.0], axis="lat", source="nothing")
-    return FlightPlan(excitation=nothing, pilot=_STEADY, recorder=plan.recorder)
+    return FlightPlan(
+        excitation=History.of([0.0, duration], [0.0, 0.0], axis="lat", source="nothing"),
+        pilot=_STEADY,
+        recorder=plan.recorder,
+    )
 
 
 def _flown(
@@ -207,19 +209,22 @@ class ComparedCriterion:
     unknown: Mapping[str, str]
 
     @property
+    def ratings(self) -> dict[str, Rating | None]:
+        """The ratings by "predicted", "exact" and "flown"."""
+        return {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
+
+    @property
     def figures(self) -> dict[str, dict[str, float | None]]:
         """Figure -> value by "predicted", "exact" and "flown", None where there is no rating."""
-        ratings = {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
-        names = next((one.figures for one in ratings.values() if one), {})
+        names = next((one.figures for one in self.ratings.values() if one), {})
         return {
-            name: {who: one.figures[name] if one else None for who, one in ratings.items()}
+            name: {who: one.figures[name] if one else None for who, one in self.ratings.items()}
             for name in names
         }
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; None for numbers that aren't finite."""
-        criterion = self.spec.criterion
-        ratings = {"predicted": self.predicted, "exact": self.exact, "flown": self.flown}
+        criterion, ratings = self.spec.criterion, self.ratings
         figures = [
             {"name": name, "unit": criterion.units[name]}
             | (asdict(criterion.limits[name]) if name in criterion.limits else {})
@@ -240,8 +245,9 @@ class ComparedCriterion:
 
 
 def _finite(numbers: Mapping[str, float | None]) -> dict[str, Any]:
-    known = {name: one for name, one in numbers.items() if one is not None and np.isfinite(one)}
-    return dict.fromkeys(numbers) | known
+    return {
+        name: one if one is not None and np.isfinite(one) else None for name, one in numbers.items()
+    }
 
 
 def with_usual(specs: Iterable[Spec | Criterion], axes: Sequence[str]) -> tuple[Spec, ...]:
@@ -365,8 +371,7 @@ def prove(
     rough = stops(flies, replace(_base(plan, _ROUGH), weather=plan.weather))
     measured, remarks = measured_loop(sweeps)
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
-    asked = with_usual(specs, AXES)
-    table = compare(asked, predicted=predicted, exact=exact, flown=measured)
+    table = compare(with_usual(specs, AXES), predicted=predicted, exact=exact, flown=measured)
     return Proof(table, sweeps, events, before, rough, exact, measured, predicted, remarks)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.linear import Linear, Response
+from helisim.base.linear import Linear, Response, responses
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.design.laws.law import Law, Lead
 from helisim.handling.closed_loop import ClosedLoop
@@ -72,9 +72,9 @@ def attitude_start(
         )
     phase = _phase(plant)
     turned = _cyclic_rates(plant, _INVERTED) @ _turned(phase)
-    yaw = _rates(plant, _INVERTED, ["r"], ["ped"])
     (roll, pitch, ahead) = (
-        _inverse(one[:, k, k], period) for one, k in ((turned, 0), (turned, 1), (yaw, 0))
+        _inverse(one[:, k, k], period)
+        for one, k in ((turned, 0), (turned, 1), (_rates(plant, _INVERTED, ["r"], ["ped"]), 0))
     )
     law = AttitudeCommand(
         lat=AttitudeAxis(**_axis("cyclic", _WEAK * roll[0], *roll)),
@@ -131,9 +131,7 @@ def _cyclic_rates(plant: Linear, frequency: NDArray[np.float64]) -> Response:
 def _rates(
     plant: Linear, frequency: NDArray[np.float64], outputs: list[str], inputs: list[str]
 ) -> Response:
-    rows = [plant.outputs.index(name) for name in outputs]
-    columns = [plant.inputs.index(name) for name in inputs]
-    return np.moveaxis(plant.response(frequency)[np.ix_(rows, columns)], -1, 0)
+    return np.moveaxis(responses(plant, frequency, outputs, inputs), -1, 0)
 
 
 def _inverse(response: Response, period: float) -> tuple[float, float]:

@@ -13,18 +13,26 @@ from helisim.base.errors import InputError, check_known
 from helisim.base.settings import to_plain
 from helisim.hand.sticks import Deflection
 from helisim.physics.layout import CONTROL, PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
-from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
-from helisim.sim.flight import at_least, begin, generator, steps
+from helisim.sim.flight import at_least, generator, steps
 from helisim.sim.ground import Ground
-from helisim.sim.limits import Contact, FlightEnvelope, broken
-from helisim.sim.plan import Pilot, hover_height
+from helisim.sim.limits import FlightEnvelope, broken
+from helisim.sim.live import Live, hovering
+from helisim.sim.missions.autopilot import (
+    ATTITUDE,
+    HEADING,
+    HEAVE,
+    HEIGHT,
+    POSITION,
+    VELOCITY,
+)
+from helisim.sim.missions.mission import TICK
+from helisim.sim.plan import Pilot
 from helisim.sim.recorder import End, Recorder, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.addresses import addresses, root_body
-from helisim.vehicle.trim import FLIPS, Motion, read_motion
+from helisim.vehicle.trim import Motion, read_motion
 
 ASSISTS = {
     "hover": "the sticks command velocities; let go, and it stays",
@@ -38,27 +46,25 @@ _HURRY = 3.0  # m/s^2, at which the commanded velocity changes: a tilt of 0.3 ra
 _MIDDLE = 0.05  # Deflection of a collective that is in the middle: a throttle stick has no spring
 # m/s and rad/s, below which a helicopter whose stick is in the middle is held in place.
 _STILL, _STILL_CLIMB, _STILL_TURN = 0.4, 0.2, 0.15
-# rad/s, at which the loops of attitude, velocity and position cross over.
-_ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
-# rad/s, of the loops of vertical speed, height and heading.
-_HEAVE, _HEIGHT, _HEADING = 4.0, 1.0, 1.5
 _SHORTEST = 0.1  # s, of a recording that makes a record: ten samples
 _ENVELOPE = FlightEnvelope(saturation=None)
-_ASKS = 0.02  # s between two looks of the pilot at the sticks, as of a radio link: 50 Hz
 
 
 class _Assistance:
     def __init__(self, vehicle: Vehicle, par: NDArray[np.float64]) -> None:
         gravity = float(np.linalg.norm(vehicle.model.opt.gravity))
         yaw_rate = abs(float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]))
-        attitude = _ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat]))
-        level = {"k_attitude": attitude, "lon": 0.0, "lat": 0.0}
+        level = {
+            "k_attitude": ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat])),
+            "lon": 0.0,
+            "lat": 0.0,
+        }
         hover = {
-            "k_velocity": _VELOCITY / gravity,
-            "k_position": _POSITION,
-            "k_heave": _HEAVE / abs(vehicle.derivatives["Z_col"]),
-            "k_height": _HEIGHT,
-            "k_heading": _HEADING / yaw_rate,
+            "k_velocity": VELOCITY / gravity,
+            "k_position": POSITION,
+            "k_heave": HEAVE / abs(vehicle.derivatives["Z_col"]),
+            "k_height": HEIGHT,
+            "k_heading": HEADING / yaw_rate,
             "col": float(par[PARAM.pilot_col]),
         }
         self.own = {"none": {}, "level": level, "hover": {**level, **hover}}
@@ -84,13 +90,13 @@ class _Assistance:
         self.velocity += np.clip(wanted - self.velocity, -most, most)
         if not self._stays("place", not self.velocity.any(), math.hypot(now.u, now.v) < _STILL):
             # so far away that it flies there as fast; here, where the velocity is 0
-            ahead, right = self.velocity / _POSITION
+            ahead, right = self.velocity / POSITION
             cosine, sine = math.cos(now.psi), math.sin(now.psi)
             par[PARAM.pilot_north] = now.north + cosine * ahead - sine * right
             par[PARAM.pilot_east] = now.east + sine * ahead + cosine * right
         climb = 0.0 if abs(felt.col) < _MIDDLE else _CLIMB * felt.col
         if not self._stays("height", climb == 0.0, abs(now.w) < _STILL_CLIMB):
-            par[PARAM.pilot_down] = now.down - climb / _HEIGHT
+            par[PARAM.pilot_down] = now.down - climb / HEIGHT
         if not self._stays("heading", felt.ped == 0.0, abs(now.r) < _STILL_TURN):
             par[PARAM.pilot_psi] = now.psi
         if "heading" not in self.held:
@@ -104,7 +110,7 @@ class _Assistance:
         return before and holds
 
 
-class HandFlight:
+class HandFlight(Live):
     """Fly a vehicle by hand, from the hover above its pad; a crash ends it until `reset`.
 
         flight = HandFlight(vehicle)
@@ -131,30 +137,19 @@ class HandFlight:
         By default the air is calm, the ground level with its effect, the height just above the pad.
         Raises UnknownNameError, InputError, or TrimError: it can't hover in the wind.
         """
-        self.weather, self.ground = weather or Weather(), ground or Ground()
-        self.model = vehicle.visual_model(self.ground.put_into)
-        self.height = hover_height(self.model) if height is None else height
-        if not 0.0 < self.height < np.inf:
+        if height is not None and not 0.0 < height < np.inf:
             raise InputError(f"height must be above 0 m, got {height}")
-        self.vehicle = self.ground.felt_by(vehicle).trimmed(
-            height=self.height, wind=self.weather.wind_to
-        )
-        self.seed, self.flown_with = at_least("seed", seed, 0), flown_with
-        self.model.opt.wind[:] = self.vehicle.model.opt.wind
-        par = self._par = self.model.actuator_user[addresses(self.model).rotor]
-        par[PARAM.ground_effect] = self.ground.effect
-        Pilot(remnant=0.0).write(par, self.vehicle, seed=seed, height=self.height)
-        par[[ROLL_ATTITUDE, ROLL_VELOCITY]] = 0.0
-        self.weather.write(par, self.vehicle, seed=int(generator(seed, 0, "air").integers(2**31)))
-        self._assistance = _Assistance(self.vehicle, par)
-        self._contact = Contact(self.vehicle, self.ground)
+        weather, ground = weather or Weather(), ground or Ground()
+        vehicle, model, height = hovering(vehicle, weather, ground, height)
+        seed = at_least("seed", seed, 0)
+        super().__init__(vehicle, model, weather, ground, height=height, seed=seed)
+        Pilot(remnant=0.0).write(self.par, vehicle, seed=seed, height=height)
+        self.par[[ROLL_ATTITUDE, ROLL_VELOCITY]] = 0.0
+        self.flown_with, self._assistance = flown_with, _Assistance(vehicle, self.par)
         step = self.model.opt.timestep
-        self._asks_each = max(1, round(_ASKS / step))
+        self._asks_each = max(1, round(TICK / step))
         self._ticks_each = max(1, round(vehicle.parameters["gyro.period"] / step))
-        self._recordings = 0
-        self.data = mujoco.MjData(self.model)
-        self._body, self._imu = self.data.body(root_body(self.model)), self.data.site("imu")
-        self._controller = ExitStack()
+        self._recordings, self._controller = 0, ExitStack()
         weakref.finalize(self, self._controller.close).atexit = False
         self._switched: list[tuple[float, str]] = []
         self.assist = assist
@@ -162,30 +157,24 @@ class HandFlight:
 
     def reset(self) -> None:
         """Hover above the pad again, at time 0; a recording that runs is dropped."""
-        flown = (self.vehicle, self.model, self.data, self.weather, self.ground)
-        begin(*flown, height=self.height, seed=self.seed)
         self._controller.close()
-        flying = self.vehicle.controller.flying(self.model)
-        self._law_failure = self._controller.enter_context(flying)
+        self._law_failure = self._controller.enter_context(
+            self.vehicle.controller.flying(self.model)
+        )
         self.deflection = Deflection()
         self._end: End | None = None
         self._rows: list[NDArray[np.float64]] | None = None
         self._steps = 0
-        self._contact.begin()
         self._assistance.begin()
+        super().reset()
+
+    def _begins(self) -> None:
         self._ask(self.data)
-        with installed():
-            mujoco.mj_forward(self.model, self.data)
 
     @property
     def motion(self) -> Motion:
         """How the helicopter moves now."""
         return read_motion(self.data)
-
-    @property
-    def clearance(self) -> float:
-        """Height of the lowest point of the landing gear above the ground, m."""
-        return self._contact.clearance(*self._pose)
 
     @property
     def time(self) -> float:
@@ -200,8 +189,8 @@ class HandFlight:
     @property
     def sticks(self) -> NDArray[np.float64]:
         """COL, LON, LAT, PED as they reach the gyro, unitised, (4,)."""
-        first = addresses(self.model).control
-        return self.data.ctrl[first + CONTROL.col : first + CONTROL.ped + 1].copy()
+        sticks = self.data.ctrl[self._where.control + CONTROL.col :]
+        return sticks[: CONTROL.ped - CONTROL.col + 1].copy()
 
     @property
     def assist(self) -> str:
@@ -225,8 +214,9 @@ class HandFlight:
         if deflection:
             self.deflection = Deflection(**deflection)
         end = self._steps + round(seconds / self.model.opt.timestep)
-        asked = (self._asks_each, self._ask)
-        loop = steps(self.model, self.data, asked, first=self._steps, count=end)
+        loop = steps(
+            self.model, self.data, (self._asks_each, self._ask), first=self._steps, count=end
+        )
         with installed():
             while self._end is None and (made := next(loop, None)) is not None:
                 at_tick = self._steps % self._ticks_each == 0
@@ -242,14 +232,8 @@ class HandFlight:
             return End(self.time, why, failure.traceback)
         if broken(self.data):
             return End(self.time, "the flight has no finite state")
-        why = self._contact.found(*self._pose, self.data.ncon > 0)
+        why = self.struck()
         return End(self.time, why) if why else None
-
-    @property
-    def _pose(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-        """Return time, s, position of the IMU, (3,), and rotation from body to earth, (3, 3)."""
-        turn = FLIPS * self._body.xmat.reshape(3, 3)
-        return self.data.time, np.array(flip(*self._imu.xpos)), turn
 
     @property
     def recorded(self) -> float | None:
@@ -306,4 +290,4 @@ class HandFlight:
     def _ask(self, _: mujoco.MjData) -> None:
         felt = Deflection(*np.clip(self.deflection, -1.0, 1.0).tolist())
         seconds = self._asks_each * self.model.opt.timestep
-        self._assistance.ask(self._par, self.assist, felt, self.motion, seconds)
+        self._assistance.ask(self.par, self.assist, felt, self.motion, seconds)

@@ -109,10 +109,9 @@ class Sticks:
 
 def choose(glfw: Any, wanted: str) -> Joystick:
     """Return the joystick of a number or part of a name, the only one for "", or raise."""
-    numbers = filter(glfw.joystick_present, range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1))
     there = [
         Joystick(n, glfw.get_joystick_name(n).decode(errors="replace"), glfw.joystick_is_gamepad(n))
-        for n in numbers
+        for n in filter(glfw.joystick_present, range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1))
     ]
     found = [one for one in there if wanted in ("", str(one.number)) or wanted in one.name]
     if len(found) != 1:

@@ -186,9 +186,8 @@ class Cockpit:
             "heading": f"{round(math.degrees(now.psi)) % 360:03d} deg",
             "assist": flight.assist,
         } | {name: f"{100.0 * one:+.0f} %" for name, one in flight.deflection._asdict().items()}
-        message = self._said or ("paused: P goes on" if self.paused else "")
-        if flight.crashed:
-            message = f"{flight.crashed}: Backspace starts again"
+        crashed = f"{flight.crashed}: Backspace starts again" if flight.crashed else ""
+        message = crashed or self._said or ("paused: P goes on" if self.paused else "")
         moves = [_MOVES[name] for name in MODES[self.sticks.mode]]
         thumbs = zip(("A D", "W S", "left right", "up down"), moves)
         legend = _KEYS if self.sticks.joystick else (*thumbs, *_KEYS)

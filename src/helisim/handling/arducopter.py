@@ -16,7 +16,7 @@ from scipy.signal import butter, freqz
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import FrozenMap, Value
+from helisim.base.settings import Checked, Value
 from helisim.handling.loop import axis_of
 from helisim.records.record import ATTITUDES, RATES
 
@@ -27,11 +27,10 @@ STICKS = ("LAT", "LON", "PED")
 """Asked angles of roll and pitch, rad, and the asked rate of yaw, rad/s."""
 ADDED = ("p_added", "q_added", "r_added")
 """Rates, rad/s, that SystemID's axes 7 to 9 add to the wanted ones."""
-_WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
+WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
 _GYRO_RATE = 1000.0  # Hz
-_SMALL = 2.0**-20
 
 
 @dataclass(frozen=True)
@@ -66,9 +65,8 @@ class Rates:
         slope = slope + _share(self.slope_hz, period) * (rises / period - slope)
         if self.leaks:
             kept = kept - _LEAK * (kept - np.clip(kept, -self.least_leak, self.least_leak))
-        integral = np.clip(kept + self.i * error * period, -self.most, self.most)
-        if not self.i:
-            integral = np.zeros_like(error)
+        summed = np.clip(kept + self.i * error * period, -self.most, self.most)
+        integral = summed if self.i else np.zeros_like(error)
         asked = (target - last) / period
         command = self.p * error + self.d * slope + integral + self.ff * target + self.d_ff * asked
         return Terms(target, error, slope, integral, command)
@@ -88,7 +86,7 @@ class Terms(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ArduCopterLaw(Value):
+class ArduCopterLaw(Checked, Value):
     """The whole law, a `Linear` from motion to commands; mappings are by axis, "lat", "lon", "ped".
 
     `angle`: wanted rate over attitude error, 1/s (ATC_ANG_*_P); `period`, s, between ticks;
@@ -107,10 +105,6 @@ class ArduCopterLaw(Value):
     lean: tuple[float, float] = (0.0, 0.0)
     steady: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("rates", "angle", "steady"):
-            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
 
     @classmethod
     def of(
@@ -136,7 +130,7 @@ class ArduCopterLaw(Value):
         shaped = given("ATC_RATE_FF_ENAB") != 0.0
         return cls(
             {axis: _rates(axis, given) for axis in COMMANDS},
-            {axis: given(f"ATC_ANG_{word}_P") for axis, word in _WORDS.items()},
+            {axis: given(f"ATC_ANG_{word}_P") for axis, word in WORDS.items()},
             1.0 / given("SCHED_LOOP_RATE"),
             given("INS_GYRO_FILTER"),
             max(given("ATC_INPUT_TC"), 0.01) if shaped else None,
@@ -180,19 +174,8 @@ class ArduCopterLaw(Value):
     @cached_property
     def ticked(self) -> LinearSystem:
         """The law at its ticks from `inputs`, rates behind the gyro's filter, and `ADDED`."""
-        inputs = (*self.inputs, *ADDED)
-        n, m = 7 * len(COMMANDS), len(inputs)
-        columns = [self._tick(one[:n], one[n:]) / _SMALL for one in _SMALL * np.eye(n + m)]
-        whole = np.column_stack(columns)
-        return LinearSystem(
-            whole[:n, :n],
-            whole[:n, n:],
-            whole[n:, :n],
-            whole[n:, n:],
-            self.period,
-            inputs,
-            COMMANDS,
-        )
+        inputs, count = (*self.inputs, *ADDED), 7 * len(COMMANDS)
+        return LinearSystem.of_steps(self._tick, count, self.period, inputs, COMMANDS)
 
     def _tick(self, state: Real, seen: Real) -> Real:
         """Return 21 states and 3 commands, less those of the steady flight.
@@ -236,7 +219,7 @@ def _share(corner: float, period: Each) -> Real:
 
 def _rates(axis: str, given: Callable[[str], float]) -> Rates:
     names = ["P", "I", "D", "FF", "D_FF", "FLTT", "FLTE", "FLTD", "IMAX", "ILMI"]
-    values = [given(f"ATC_RAT_{_WORDS[axis]}_{name}") for name in names]
+    values = [given(f"ATC_RAT_{WORDS[axis]}_{name}") for name in names]
     return Rates(*values, leaks=axis != "ped")
 
 
@@ -257,7 +240,7 @@ _ALSO = {
 def _beyond(parameters: Mapping[str, float]) -> tuple[str, ...]:
     said = {
         name.format(word): text.format(axis_of(axis).word)
-        for axis, word in _WORDS.items()
+        for axis, word in WORDS.items()
         for name, text in _BEYOND.items()
     }
     return tuple(

@@ -91,8 +91,9 @@ class ClosedLoop:
 
     def turned(self, axis: str, by: str) -> Curve:
         """Return the axis's angle over what is added to a servo command."""
-        given = self._commanded("actuators", by)
-        return Curve(self.frequency, self._moved(given, axis_of(axis).angle))
+        return Curve(
+            self.frequency, self._moved(self._commanded("actuators", by), axis_of(axis).angle)
+        )
 
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the axis's servo command over its stick or its disturbance."""

@@ -1,12 +1,16 @@
 """Criteria of handling qualities and of stability, with their sources."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from helisim.base.errors import InputError
-from helisim.base.settings import FrozenMap, setting
+from helisim.base.files import read_toml
+from helisim.base.settings import convert, setting
 from helisim.base.units import DB_PER_NEPER, RAD_PER_DEG
 from helisim.handling import figures
 from helisim.handling.criterion import WHOLE, Criterion, Rating
@@ -30,9 +34,23 @@ __all__ = [
 ]
 
 
+Kind = TypeVar("Kind", bound=type[Criterion])
+
+_FACTS = read_toml(Path(__file__).with_suffix(".toml"))  # class variables by class
+_FACT = str | tuple[str, ...] | Mapping[str, str | tuple[str, int]]
+
+
+def _with_facts(kind: Kind) -> Kind:
+    """Give a criterion its name, source, units and borders, which are data."""
+    for name, fact in _FACTS[kind.__name__].items():
+        setattr(kind, name, convert(_FACT, fact, name))
+    return kind
+
+
 _NO_CROSSOVER = "the gain does not fall through one in its band"
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class StabilityMargins(Criterion):
     """Gain margin, dB, and phase margin, rad, to either side of a loop broken `at`."""
@@ -40,15 +58,6 @@ class StabilityMargins(Criterion):
     at: str = setting("actuators", choices=PLACES)
     gain: Limit = Limit(6.0, 3.0)
     phase: Limit = Limit(45.0 * RAD_PER_DEG, 22.5 * RAD_PER_DEG)
-
-    name = "stability_margins"
-    source = (
-        "MIL-DTL-9490E, 3.1.3.6.1, and SAE AS94900: 6 dB and 45 deg below the first "
-        "aeroelastic mode; that half of it ends Level 2 is a choice of ours"
-    )
-    angles = ("phase",)
-    units = FrozenMap({"gain_margin": "dB", "phase_margin": "rad", "crossover": "rad/s"})
-    borders = FrozenMap({"gain_margin": ("gain", 0), "phase_margin": ("phase", 0)})
 
     def rate(self, loop: Loop) -> Rating:
         """Return margins and crossover; see `figures.margins`."""
@@ -64,20 +73,13 @@ class StabilityMargins(Criterion):
         return self.rated(values, remarks=remarks)
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class Crossover(Criterion):
     """Highest frequency, rad/s, at which the gain of a loop, broken `at`, falls through one."""
 
     at: str = setting("actuators", choices=PLACES)
     frequency: Limit
-
-    name = "crossover"
-    source = (
-        "Tischler, Berger, Ivler, Mansur, Cheung and Soong, Practical Methods for Aircraft and "
-        "Rotorcraft Flight Control Design, AIAA, 2017; the borders are the user's"
-    )
-    units = FrozenMap({"crossover": "rad/s"})
-    borders = FrozenMap({"crossover": ("frequency", 1)})
 
     def rate(self, loop: Loop) -> Rating:
         """Return the crossover, continued beyond the band."""
@@ -90,23 +92,13 @@ _REJECTION = {"lat": 0.9, "lon": 0.5, "ped": 0.7, "col": 1.0}
 """rad/s, Level 1's disturbance rejection bandwidth at full scale."""
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceRejection(Criterion):
     """Disturbance rejection bandwidth (DRB), rad/s, by default the source's, and peak (DRP), dB."""
 
     bandwidth: Limit | None = None
     peak: Limit = Limit(5.0, 8.0)
-
-    name = "disturbance_rejection"
-    source = (
-        "Berger, Ivler, Berrios, Tischler and Miller, Disturbance Rejection Handling-Qualities "
-        "Criteria for Rotorcraft, 72nd Annual Forum of the AHS, 2016, and Blanken, Tischler, "
-        "Lusardi and Ivler, AHS Rotorcraft Handling Qualities Technical Meeting, 2014: roll 0.9, "
-        "pitch 0.5, yaw 0.7, heave 1.0 rad/s, 5 dB; where Level 2 ends is a choice of ours"
-    )
-    units = FrozenMap({"drb": "rad/s", "drp": "dB", "peak_frequency": "rad/s"})
-    borders = FrozenMap({"drb": ("bandwidth", 1), "drp": ("peak", 0)})
-    better = FrozenMap({"bandwidth": "more"})
 
     def _border(self, name: str) -> Limit | None:
         usual = _REJECTION[self.axis]
@@ -120,6 +112,7 @@ class DisturbanceRejection(Criterion):
         return self.rated(dict(zip(self.units, values)), remarks=remarks)
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class LoadRejection(Criterion):
     """How far a slow load on the servo command of axis `by` (by default its own) turns the vehicle.
@@ -132,15 +125,6 @@ class LoadRejection(Criterion):
     high: float
     turned: Limit
     by: str = ""
-
-    name = "load_rejection"
-    source = (
-        "The closed loop's compliance, angle over load, as of any servomechanism; borders are the "
-        "user's, such as what the law before gives way"
-    )
-    units = FrozenMap({"turned": "dB", "frequency": "rad/s"})
-    borders = FrozenMap({"turned": ("turned", 0)})
-    better = FrozenMap({"turned": "less"})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -176,6 +160,7 @@ TASKS = {  # task -> axis -> bandwidth, rad/s, at full scale: ADS-33E-PRF, hover
 }
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class AttitudeBandwidth(Criterion):
     """Bandwidth, rad/s, and phase delay, s, of an attitude's answer to small inputs of the stick.
@@ -189,24 +174,6 @@ class AttitudeBandwidth(Criterion):
     command: str | None = setting(None, choices=("attitude", "rate"))
     bandwidth: Limit | None = None
     delay: Limit = Limit(0.2, 0.3)
-
-    name = "attitude_bandwidth"
-    source = (
-        "ADS-33E-PRF, 3.3.2.1 and 3.3.5.1, hover and low speed: least bandwidth "
-        "at small phase delay. The figures' borders lean to more bandwidth as phase delay grows; "
-        "here a phase delay of its own ends the levels, a choice of ours"
-    )
-    units = FrozenMap(
-        {
-            "bandwidth": "rad/s",
-            "phase_delay": "s",
-            "phase_bandwidth": "rad/s",
-            "gain_bandwidth": "rad/s",
-            "neutral": "rad/s",
-        }
-    )
-    borders = FrozenMap({"bandwidth": ("bandwidth", 1), "phase_delay": ("delay", -1)})
-    better = FrozenMap({"bandwidth": "more"})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -256,6 +223,7 @@ _QUICKNESS = {
 """Axis -> least change of attitude, deg, and borders of quickness there, 1/s, at full scale."""
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class AttitudeQuickness(Criterion):
     """Peak rate over peak change of an attitude, by a step of the stick or a pulse.
@@ -268,16 +236,6 @@ class AttitudeQuickness(Criterion):
     change: float = setting(20.0 * RAD_PER_DEG, above=0.0)
     size: float = setting(0.5, above=0.0)
     duration: float = setting(5.0, above=0.0)
-
-    name = "attitude_quickness"
-    source = (
-        "ADS-33E-PRF, 3.3.3 and 3.3.6, hover and low speed; the figures' borders as digitised by "
-        "Prencipe, MSc thesis, Delft University of Technology (github.com/YPrencipe/CCHThesis: "
-        "qpitchhq1, prollhq1, ryawhq1 and 2), to about 0.02 1/s"
-    )
-    angles = ("change",)
-    units = FrozenMap({"quickness": "1/s", "least": "rad", "peak": "rad"})
-    borders = FrozenMap({"quickness": ("border", 1)})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -300,6 +258,7 @@ class AttitudeQuickness(Criterion):
         return replace(self, change=max(found.least, 1e-6)).rated(values)
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class Coupling(Criterion):
     """Peak of attitude `onto` within `after`, s at full scale, over the commanded attitude then.
@@ -311,13 +270,6 @@ class Coupling(Criterion):
     size: float = setting(0.1, above=0.0)
     after: float = setting(4.0, above=0.0)
     ratio: Limit = Limit(0.25, 0.60)
-
-    name = "coupling"
-    source = (
-        "ADS-33E-PRF, 3.3.9.2: pitch due to roll and roll due to pitch, 0.25 and 0.60 within 4 s"
-    )
-    units = FrozenMap({"ratio": ""})
-    borders = FrozenMap({"ratio": ("ratio", 0)})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -338,6 +290,7 @@ class Coupling(Criterion):
         return self.rated({"ratio": found})
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class Damping(Criterion):
     """Damping ratio of the loop's least damped pole from `low` to `high`, rad/s at full scale."""
@@ -347,20 +300,16 @@ class Damping(Criterion):
     high: float = setting(50.0, above=0.0)
     ratio: Limit = Limit(0.35, 0.19)
 
-    name = "damping"
-    source = (
-        "ADS-33E-PRF, 3.3.2.3 and 3.3.5.2, mid-term response: 0.35 of all oscillations above "
-        "0.5 rad/s, 0.19 for Level 1 in yaw; that the latter ends Level 2 is a choice of ours"
-    )
-    units = FrozenMap({"damping": "", "frequency": "rad/s"})
-    borders = FrozenMap({"damping": ("ratio", 0)})
-
     def rate(self, loop: Loop) -> Rating:
         """Return the pole's damping ratio and natural frequency."""
-        band = {"low": self.low * self.faster, "high": self.high * self.faster}
-        return self.rated(figures.least_damped(loop.poles, **band)._asdict())
+        return self.rated(
+            figures.least_damped(
+                loop.poles, low=self.low * self.faster, high=self.high * self.faster
+            )._asdict()
+        )
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class PoleLimits(Criterion):
     """The greatest real part of the whole loop's poles, `growth`, 1/s; 0.05: doubled in 14 s."""
@@ -368,18 +317,12 @@ class PoleLimits(Criterion):
     axis: str = WHOLE
     growth: Limit = Limit(1e-3, 0.05)
 
-    name = "pole_limits"
-    source = (
-        "a stable loop: ADS-33E-PRF, 3.3.2.3, and MIL-DTL-9490E; the borders are a choice of ours"
-    )
-    units = FrozenMap({"growth": "1/s"})
-    borders = FrozenMap({"growth": ("growth", 1)})
-
     def rate(self, loop: Loop) -> Rating:
         """Return the greatest real part."""
         return self.rated({"growth": float(loop.poles.real.max(initial=-1e9))})
 
 
+@_with_facts
 @dataclass(frozen=True, kw_only=True)
 class ActuatorUse(Criterion):
     """Rms of an actuator's position over its travel, of its rate over its limit, in a disturbance.
@@ -394,16 +337,6 @@ class ActuatorUse(Criterion):
     rate_limit: float = setting(above=0.0)
     position: Limit = Limit(1.0 / 3.0, 1.0)
     rate_share: Limit = Limit(1.0 / 3.0, 1.0)
-
-    name = "actuator_use"
-    source = (
-        "rms of actuator position and rate in a disturbance, as CONDUIT's objectives; Tischler, "
-        "Berger, Ivler, Mansur, Cheung and Soong, Practical Methods for Aircraft and Rotorcraft "
-        "Flight Control Design, AIAA, 2017; disturbance and borders are a choice of ours"
-    )
-    angles = ("rms",)
-    units = FrozenMap({"position": "", "rate": ""})
-    borders = FrozenMap({"position": ("position", 0), "rate": ("rate_share", 0)})
 
     def rate(self, loop: Loop) -> Rating:
         """Return rms of position and rate, over their limits, within the response's band."""

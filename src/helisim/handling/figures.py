@@ -48,8 +48,7 @@ def crossings(frequency: Real, values: Real, *, most: float = np.inf) -> Crossin
     kept = np.abs(step) < most
     index, step = index[kept], step[kept]
     share, low = -values[index] / step, frequency[index]
-    where = low * (frequency[index + 1] / low) ** share
-    return Crossings(index, share, where, positive[index + 1])
+    return Crossings(index, share, low * (frequency[index + 1] / low) ** share, positive[index + 1])
 
 
 def peak(frequency: Real, values: Real) -> tuple[float, float]:
@@ -175,8 +174,7 @@ def rejection(disturbance: Curve) -> Rejection:
     rises = found.frequency[found.rising]
     nearest = -1 if size[-1] <= HALF_POWER else int(np.argmin(size))
     extended = own[nearest] * 10.0 ** ((HALF_POWER - size[nearest]) / 20.0)
-    bandwidth = float(rises[0] if rises.size else extended)
-    return Rejection(bandwidth, highest, where, bool(rises.size))
+    return Rejection(float(rises[0] if rises.size else extended), highest, where, bool(rises.size))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from os import PathLike
 from typing import Any, get_args, get_type_hints
 
 from helisim.base.errors import InputError, check_known, item_of
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.settings import convert, from_plain, placed, toml_text
 from helisim.base.units import RAD_PER_DEG
 from helisim.handling.criteria import (
@@ -81,8 +81,7 @@ def read_specs(path: str | PathLike[str]) -> tuple[Spec, ...]:
 
 def write_specs(specs: Iterable[Spec], path: str | PathLike[str]) -> None:
     """Write specifications as a TOML file. Raises StorageError."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(specs_to_toml(specs), encoding="utf-8")
+    write_text(path, specs_to_toml(specs))
 
 
 def specs_to_toml(specs: Iterable[Spec]) -> str:
@@ -129,9 +128,8 @@ def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) 
     names = [axis_of(axis).name for axis in axes]
     attitudes = [axis for axis in names if axis in ATTITUDES]
     cyclic = ["lat", "lon"] if {"lat", "lon"} <= set(names) else []
-    bandwidth = partial(AttitudeBandwidth, task=name.removeprefix("ads33e_"))
     of_task = [
-        (bandwidth, "soft", attitudes),
+        (partial(AttitudeBandwidth, task=name.removeprefix("ads33e_")), "soft", attitudes),
         (AttitudeQuickness, "check", attitudes),
         (Coupling, "check", cyclic),
         (Damping, "soft", [WHOLE]),

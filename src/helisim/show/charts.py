@@ -119,9 +119,11 @@ def draw_chart(
         ink, known = _GROUNDS[level], {one.ink for one in areas}
         label = "" if ink in known else f"Level {level}"
         areas.append(Mark("area", ink, np.array(across), low, high, label))
-    drawn = []
-    for k, one in enumerate(placed):
-        drawn += _points(one, k, axes, 1.0 - (k + 0.5) / len(placed))
+    drawn = [
+        point
+        for k, one in enumerate(placed)
+        for point in _points(one, k, axes, 1.0 - (k + 0.5) / len(placed))
+    ]
     strip = len(axes) == 1
     panel = Panel(
         "" if strip else axes[1].label,

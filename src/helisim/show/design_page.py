@@ -84,9 +84,9 @@ def verdict(result: DesignResult, proof: "Proof | None") -> str:
 
 
 def _summary(result: DesignResult, proof: "Proof | None") -> str:
-    stops = {} if proof is None else proof.stops
     said = [
-        f"{k} was at its stops {100.0 * x:.2g} % of the time in rough air" for k, x in stops.items()
+        f"{k} was at its stops {100.0 * x:.2g} % of the time in rough air"
+        for k, x in ({} if proof is None else proof.stops).items()
     ]
     return paragraph(verdict(result, proof), "lead") + page.bullets([*result.misses, *said])
 

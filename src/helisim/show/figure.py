@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from helisim.base.arrays import Real
-from helisim.base.files import atomic_write
+from helisim.base.files import write_text
 
 Ink = Literal[  # meaning of a mark; levels are of areas
     "data", "identified", "truth", "third", "fourth", "grey", "level1", "level2", "level3"
@@ -156,8 +156,7 @@ class Drawing:
     @property
     def across(self) -> Scale:
         """The horizontal axis."""
-        marks = [mark.x for panel in self.panels for mark in panel.marks]
-        low, high = self.limits or extent(marks)
+        low, high = self.limits or extent([mark.x for panel in self.panels for mark in panel.marks])
         return Scale.decades(low, high) if self.logarithmic else Scale.of(low, high, most=8)
 
     @cached_property
@@ -192,8 +191,7 @@ class Drawing:
 
     def write(self, folder: Path) -> None:
         """Write NAME.svg into a folder that exists. Raises StorageError."""
-        with atomic_write(folder / f"{self.name}.svg") as path:
-            path.write_text(self.svg, encoding="utf-8")
+        write_text(folder / f"{self.name}.svg", self.svg)
 
 
 def extent(values: Sequence[Real], margin: float = 0.0) -> tuple[float, float]:

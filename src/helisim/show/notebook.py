@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from helisim.design.design import DesignResult
     from helisim.handling.criteria import Criterion
     from helisim.show.figure import Drawing
-    from helisim.study.results import Results, Run
+    from helisim.study.results import Results
 
 Names = Sequence[str] | str | None
 
@@ -136,10 +136,6 @@ def _results_page(results: Results) -> tuple[str, ...]:
     )
 
 
-def _run_page(run: Run) -> tuple[str, ...]:
-    return _results_page(run.results)
-
-
 def _design_page(result: DesignResult) -> tuple[str, ...]:
     return (
         "Design of a control law",
@@ -155,7 +151,7 @@ _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
     "Fit": _fit_page,
     "Verification": _verification_page,
     "Results": _results_page,
-    "Run": _run_page,
+    "Run": lambda run: _results_page(run.results),
     "DesignResult": _design_page,
 }
 """Pages by type name; types aren't imported here."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from helisim.base.files import atomic_write
+from helisim.base.files import write_text
 from helisim.show.figure import COLOURS, Drawing, drawing_style
 from helisim.show.table import Table
 
@@ -36,8 +36,7 @@ def write_page(path: Path, title: str, sections: Iterable[Section], head: str) -
             for anchor, name, inner in kept
         ),
     )
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path
 
 

@@ -146,24 +146,31 @@ def _archetypes(
         some, size, turn, ink = ids[keep], model.geom_size[ids[keep]], turns[keep], colours[keep]
         look: dict[str, Any] = {"colors": ink, "fill_mode": "solid"}
         look["quaternions"] = Rotation.from_matrix(turn).as_quat()
-        rod = {"radii": size[:, 0], "lengths": 2.0 * size[:, 1]}
-        match mujoco.mjtGeom(kind):
-            case mujoco.mjtGeom.mjGEOM_BOX:
-                shape = rr.Boxes3D(centers=places[keep], half_sizes=size, **look)
-            case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-                shape = rr.Ellipsoids3D(centers=places[keep], half_sizes=size, **look)
-            case mujoco.mjtGeom.mjGEOM_SPHERE:
-                shape = rr.Ellipsoids3D(centers=places[keep], radii=size[:, 0], **look)
-            case mujoco.mjtGeom.mjGEOM_CYLINDER:
-                shape = rr.Cylinders3D(centers=places[keep], **rod, **look)
-            case mujoco.mjtGeom.mjGEOM_CAPSULE:
-                # Rerun's start at their origin and rise along z, MuJoCo's are centred on it
-                starts = places[keep] - size[:, 1:2] * turn[:, :, 2]
-                shape = rr.Capsules3D(translations=starts, **rod, **look)
-            case _:
-                shape = _meshes(model, some, places[keep], turn, ink)
-        shapes[mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()] = shape
+        name = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
+        shapes[name] = (
+            _SHAPES[name](places[keep], size, turn[:, :, 2], look)
+            if name in _SHAPES
+            else _meshes(model, some, places[keep], turn, ink)
+        )
     return shapes
+
+
+_SHAPES: Mapping[str, Callable[[Real, Real, Real, dict[str, Any]], rr.AsComponents]] = {
+    "box": lambda at, size, _, look: rr.Boxes3D(centers=at, half_sizes=size, **look),
+    "ellipsoid": lambda at, size, _, look: rr.Ellipsoids3D(centers=at, half_sizes=size, **look),
+    "sphere": lambda at, size, _, look: rr.Ellipsoids3D(centers=at, radii=size[:, 0], **look),
+    "cylinder": lambda at, size, _, look: rr.Cylinders3D(
+        centers=at, radii=size[:, 0], lengths=2.0 * size[:, 1], **look
+    ),
+    # Rerun's start at their origin and rise along z, MuJoCo's are centred on it
+    "capsule": lambda at, size, along, look: rr.Capsules3D(
+        translations=at - size[:, 1:2] * along,
+        radii=size[:, 0],
+        lengths=2.0 * size[:, 1],
+        **look,
+    ),
+}
+"""Shapes by MuJoCo's names, of places and sizes, (n, 3), and their axes along z, (n, 3)."""
 
 
 def _meshes(
@@ -200,8 +207,7 @@ def _log_flight(
     recording: rr.RecordingStream, name: str, record: FlightRecord, parts: Parts
 ) -> None:
     root, provenance = rr.escape_entity_path_part(name), dict(record.provenance)
-    text = json.dumps(provenance, sort_keys=True)
-    recording.send_property(name, rr.AnyValues(provenance=text))
+    recording.send_property(name, rr.AnyValues(provenance=json.dumps(provenance, sort_keys=True)))
     step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0
     every = slice(None, None, max(1, int(1.0 / (_HZ * step) + 1e-6)))
     seen = FlightRecord(record.time[every], record.values[every], record.channels, provenance)
@@ -234,9 +240,9 @@ def _log_space(
         for name in ("main_rotor", "tail_rotor")
     )
     direction = float(parameters.get("main_rotor.direction", 1.0))
-    rotor = Rotation.from_rotvec(main * np.array([0.0, 0.0, direction]))
-    if "a" in record and "b" in record:
-        rotor = drawn_tilt(record["a"], record["b"]) * rotor
+    spun = Rotation.from_rotvec(main * np.array([0.0, 0.0, direction]))
+    tilts = "a" in record and "b" in record
+    rotor = drawn_tilt(record["a"], record["b"]) * spun if tilts else spun
     turns = {"rotor": rotor, "tail_rotor": Rotation.from_rotvec(tail * [0.0, 1.0, 0.0])}
     body = Rotation.from_euler("ZYX", record.select(ATTITUDES)[:, ::-1])
     _log_part(recording, entity, parts["body"][0], record, record.select(POSITIONS), body)

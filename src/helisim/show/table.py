@@ -50,11 +50,9 @@ def table(
 
     "<" aligns words to the left, "*" marks a column for pages only, a unit is in brackets.
     """
-    columns = []
-    for one in notation.split("|"):
-        heading, left, page, unit = _COLUMN.findall(one)[0]
-        columns.append(Column(heading, bool(left), bool(page), unit))
-    return Table(title, tuple(columns), tuple(map(tuple, rows)), lead, tuple(notes))
+    parts = (_COLUMN.findall(one)[0] for one in notation.split("|"))
+    columns = tuple(Column(name, bool(left), bool(page), unit) for name, left, page, unit in parts)
+    return Table(title, columns, tuple(map(tuple, rows)), lead, tuple(notes))
 
 
 def number(value: float | None, form: str = ".4g") -> str:
@@ -116,11 +114,10 @@ def as_text(table: Table) -> str:
 
 def filled(text: str, label: str = "") -> str:
     """Return text wrapped behind a label, with numbers unbroken from percent signs."""
-    wrapped = textwrap.fill(
+    return textwrap.fill(
         text.replace(" %", f"{NO_BREAK}%"),
         WIDTH,
         initial_indent=label,
         subsequent_indent=" " * len(label),
         break_on_hyphens=False,
-    )
-    return wrapped.replace(NO_BREAK, " ")
+    ).replace(NO_BREAK, " ")

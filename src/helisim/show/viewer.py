@@ -9,12 +9,11 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import DisplayError, DivergedError
@@ -23,8 +22,9 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.sim import Ground, Pilot, Weather
 from helisim.sim.excitation import Excitation, check_excitation, injection
-from helisim.sim.flight import at_least, begin, steps
+from helisim.sim.flight import at_least, steps
 from helisim.sim.limits import broken
+from helisim.sim.live import Live, hovering
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import addresses, root_body
@@ -61,43 +61,27 @@ class Window(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class LiveFlight:
-    """A flight ready to be shown; `added` is (n_step, n_injection), what a manoeuvre adds."""
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    added: NDArray[np.float64] | None = None
-
-
 def prepare_live(
     vehicle: Vehicle,
     excitation: Excitation | None = None,
     *,
     ground: Ground | None = None,
     seed: int = 1,
-) -> LiveFlight:
+) -> Live:
     """Return a vehicle with all visible parts above its pad; without an excitation it hovers.
 
     The `ground` is without effect if None; `seed`, of the pilot's remnant, is 0 or more.
     """
-    model = vehicle.visual_model(None if ground is None else ground.put_into)
-    height, par = hover_height(model), model.actuator_user[addresses(model).rotor]
-    if ground is not None:
-        vehicle = ground.felt_by(vehicle).trimmed(height=height)
-        par[PARAM.ground_effect] = ground.effect
-    Pilot().write(par, vehicle, seed=at_least("seed", seed, 0), height=height)
-    added = None
+    vehicle, model, height = hovering(vehicle, Weather(), ground)
+    flight = Live(vehicle, model, Weather(), ground or Ground(effect=0.0), height=height)
+    Pilot().write(flight.par, vehicle, seed=at_least("seed", seed, 0), height=height)
     if excitation is not None:
         check_excitation(excitation)
         excitation = excitation.on(vehicle.parameters)
-        excitation.write(par)
-        added = injection(excitation, vehicle)
-    data = mujoco.MjData(model)
-    begin(vehicle, model, data, Weather(), ground, height=height)
-    with installed():
-        mujoco.mj_forward(model, data)
-    return LiveFlight(model, data, added)
+        excitation.write(flight.par)
+        flight.added = injection(excitation, vehicle)
+    flight.reset()
+    return flight
 
 
 def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> None:
@@ -134,7 +118,7 @@ class Pace:
 
 
 def watch(
-    flight: LiveFlight,
+    flight: Live,
     window: Window,
     *,
     duration: float | None = None,
@@ -150,8 +134,7 @@ def watch(
     rotors, pace = Rotors(model), Pace(data.time, clock, sleep)
     with installed():
         while window.is_running() and data.time < end - 0.5 * step:
-            times = (data.time, min(pace.due(data.time), end))
-            made, due = (round(time / step) for time in times)
+            made, due = (round(time / step) for time in (data.time, min(pace.due(data.time), end)))
             with window.lock():
                 for _ in steps(model, data, added=flight.added, first=made, count=due):
                     pass
@@ -183,7 +166,7 @@ def view(
 
 
 @contextmanager
-def shown(flight: LiveFlight) -> Iterator[Any]:
+def shown(flight: Live) -> Iterator[Any]:
     """Show a flight in a window that follows it and closes at the end. Raises DisplayError."""
     others = set(threading.enumerate())
     window = open_window(flight)
@@ -213,7 +196,7 @@ def opening() -> Iterator[Any]:
         raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
 
 
-def open_window(flight: LiveFlight) -> Any:
+def open_window(flight: Live) -> Any:
     """Return MuJoCo's viewer of a flight, a context manager. Raises DisplayError."""
     with opening():  # where the viewer itself starts GLFW, a failure ends the program
         from mujoco import viewer
@@ -268,10 +251,10 @@ class Rotors:
             data.geom_xmat[geoms] = (frame @ matrices).reshape(-1, 9)
 
 
-def seen(aircraft: Aircraft) -> LiveFlight:
+def seen(aircraft: Aircraft) -> Live:
     """Return an aircraft to be shown, not flown, with all visible parts."""
     model = aircraft.vehicle.visual_model(aircraft.ground.put_into)
-    flight = LiveFlight(model, mujoco.MjData(model))
+    flight = Live(aircraft.vehicle, model, aircraft.weather, aircraft.ground)
     _follow(flight, aircraft)
     return flight
 
@@ -282,7 +265,7 @@ class Watched:
     def __init__(
         self,
         aircraft: Aircraft,
-        flight: LiveFlight,
+        flight: Live,
         window: Window,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -316,7 +299,7 @@ class Watched:
         return False
 
 
-def _follow(flight: LiveFlight, aircraft: Aircraft) -> None:
+def _follow(flight: Live, aircraft: Aircraft) -> None:
     model, data = flight.model, flight.data
     for name in _STATE:
         setattr(data, name, getattr(aircraft.data, name))

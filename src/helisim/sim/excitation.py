@@ -137,9 +137,7 @@ class Excitation:
                 f"columns {', '.join(names)}; got shape {given.shape} of {given.dtype}"
             )
         columns, most = np.array(given, dtype=np.float64), np.array([*map(limit, axes)])
-        bad = ~(np.abs(columns) <= most)
-        if bad.any():
-            row, column = np.argwhere(bad)[0]
+        for row, column in np.argwhere(~(np.abs(columns) <= most)):
             raise InputError(
                 f"{getattr(self, 'source', '') or f'{kind}.sticks'} must stay between "
                 f"{-most[column]:g} and {most[column]:g}, {_REACH[axes[column]][2]}; "
@@ -227,9 +225,8 @@ def check_excitation(excitation: Any) -> None:
             f"a flight plan needs an excitation such as Sweep(axis='lat'), got {excitation!r:.80}"
         )
     excitation.check()
-    ways = ("wave", "sticks", "added")
     if not is_compiled(excitation) and all(
-        getattr(kind, name) is getattr(Excitation, name) for name in ways
+        getattr(kind, name) is getattr(Excitation, name) for name in ("wave", "sticks", "added")
     ):
         raise InputError(
             f"{kind.__name__} doesn't say how it moves: give it a method wave(self, time) that "
@@ -312,9 +309,7 @@ def injection(excitation: Excitation, vehicle: Vehicle) -> NDArray[np.float64] |
         elif place == "sensors":
             values, most = _turned(values, time, each), [*map(limit, PLACES[place])]
         rows[:, _FIRST[place] : _FIRST[place] + values.shape[1]] = values
-        bad = ~(np.abs(values) <= most)
-        if bad.any():
-            row, column = np.argwhere(bad)[0]
+        for row, column in np.argwhere(~(np.abs(values) <= most)):
             raise InputError(
                 f"what {type(excitation).__name__} adds at {place} comes to "
                 f"{values[row, column]:g} at {time[row]:g} s, beyond {most[column]:g}, the rate of "
@@ -344,6 +339,5 @@ def step_times(duration: float, timestep: float) -> NDArray[np.float64]:
 def injection_digest(excitation: Excitation, vehicle: Vehicle) -> str | None:
     """Return a digest of `injection`, to detect changed code; None if the force laws compute it."""
     rows = injection(excitation, vehicle)
-    if rows is None:
-        return None
-    return hashlib.blake2b(rows.astype("<f8").tobytes(), digest_size=16).hexdigest()
+    raw = b"" if rows is None else rows.astype("<f8").tobytes()
+    return None if rows is None else hashlib.blake2b(raw, digest_size=16).hexdigest()

@@ -120,8 +120,7 @@ def simulate(
             raise trajectory.end.error()
         return trajectory
 
-    numbers = range(at_least("count", count, 1))
-    return _simulated(vehicle, plan, numbers, kept, seed=seed, jobs=jobs)
+    return _simulated(vehicle, plan, range(at_least("count", count, 1)), kept, seed=seed, jobs=jobs)
 
 
 def thread_count(jobs: int | None, name: str = "jobs") -> int:
@@ -209,9 +208,8 @@ def fly_from(
             if failure is None and pilot.failure is not None:
                 failure, who = pilot.failure, f"mission {plan.mission.name!r}"
     kept, why = sound_samples(model, sensordata)
-    end = End(kept * model.opt.timestep, why)
-    if failure is not None:
-        end = End(end.at, f"{who} {failure.why}", failure.traceback)
+    said = (why,) if failure is None else (f"{who} {failure.why}", failure.traceback)
+    end = End(kept * model.opt.timestep, *said)
     if kept == 0:
         raise end.error()
     flight = read_trajectory(vehicle, sensordata[:kept])

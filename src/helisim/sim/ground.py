@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
-from helisim.base.settings import Checked, check, from_plain, in_brief, setting
+from helisim.base.settings import Brief, Checked, check, from_plain, setting
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
@@ -47,8 +47,8 @@ class Swing(Checked):
         return self.amplitude * np.sin(self.frequency * np.asarray(time) + self.phase)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deck:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Deck(Brief):
     """A rectangular landing deck, its middle below the start of the flight, its bow north.
 
     `above` is its height at rest over its surroundings, m; heave is up, roll starboard down, pitch
@@ -72,9 +72,6 @@ class Deck:
                 raise InputError(
                     f"a deck's {name} must stay below {most:g} {unit}, got {swing.amplitude:g}"
                 )
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @property
     def swings(self) -> dict[str, Swing]:
@@ -126,8 +123,8 @@ class Deck:
         mujoco.mju_rotVecQuat(data.qvel[3:6], moving[:3], own)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ground:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Ground(Brief):
     """The ground below a flight, level, sloping, or a deck; without one, a flight ends at height 0.
 
     It rises by `slope`, rad, towards the heading `uphill`, rad; flights head north. `effect` is the
@@ -151,9 +148,6 @@ class Ground:
             )
         if self.deck is not None and self.slope != 0.0:
             raise InputError("a deck is level at rest: a ground has a slope or a deck, not both")
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @classmethod
     def of_record(cls, record: FlightRecord) -> "Ground | None":

@@ -264,6 +264,5 @@ def at_limits(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, F
         yield name, np.abs(command) >= _STOP
     limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * trajectory.timestep
     positions = trajectory.servo_positions
-    moved = np.abs(np.diff(positions, axis=0, prepend=positions[:1]))
-    for name, steps in zip(SERVOS, moved.T):
+    for name, steps in zip(SERVOS, np.abs(np.diff(positions, axis=0, prepend=positions[:1])).T):
         yield name, steps >= limit

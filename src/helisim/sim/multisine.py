@@ -119,8 +119,7 @@ class Multisine(Timed):
         return columns
 
     def _own(self, own: Mapping[str, float], name: str) -> Any:
-        each = [own_setting(self, own, axis, name) for axis in self.axes]
-        return tuple(np.ravel(each).tolist())
+        return tuple(np.ravel([own_setting(self, own, axis, name) for axis in self.axes]).tolist())
 
     def _each(self, given: float | tuple[float, ...], count: int) -> list[tuple[float, ...]]:
         numbers = given if isinstance(given, tuple) else (given,)
@@ -155,8 +154,7 @@ def design(numbers: tuple[int, ...], slope: float, corner: float = 0.0) -> Desig
     k = np.array(numbers)
     height = np.hypot(k, corner) ** (-0.5 * slope)
     height /= np.sqrt(0.5 * np.sum(height**2))
-    scattered = np.random.default_rng(k).uniform(0.0, 2.0 * np.pi, k.size)
-    phase = _clipped(k, height, scattered)
+    phase = _clipped(k, height, np.random.default_rng(k).uniform(0.0, 2.0 * np.pi, k.size))
     phase = np.round(_from_zero(k, height, phase), _DIGITS)
     signal = _signal(k, height, phase)
     high, low = _summit(signal), -_summit(-signal)
@@ -181,8 +179,7 @@ def _clipped(
         peak = float(np.max(np.abs(signal)))
         if peak < least:
             best, least = phase, peak
-        clipped = np.clip(signal, -level * peak, level * peak)
-        phase = np.angle(np.fft.rfft(clipped)[numbers])
+        phase = np.angle(np.fft.rfft(np.clip(signal, -level * peak, level * peak))[numbers])
     return best
 
 

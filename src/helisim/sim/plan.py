@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.settings import (
+    Brief,
     Checked,
     check,
     from_plain,
@@ -108,8 +109,8 @@ class Pilot(Checked):
         par[PARAM.remnant_interval] = self.remnant_interval
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightPlan(Displayed):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FlightPlan(Brief, Displayed):
     """All that a flight is flown with, beside the vehicle and the seed. Raises InputError.
 
     A mission replaces holding the hover. The recorder is the vehicle's own if None. Without a
@@ -134,11 +135,7 @@ class FlightPlan(Displayed):
             if self.ground is None:
                 object.__setattr__(self, "ground", self.mission.ground)
         check(self, "plan")
-        object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.duration)
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @property
     def name(self) -> str:
@@ -209,8 +206,7 @@ def as_plan(flown: Flyable) -> FlightPlan:
     """Return a plan as it is, a bare manoeuvre or mission as a plan with all else default."""
     if isinstance(flown, FlightPlan):
         return flown
-    mission = isinstance(flown, Mission)
-    return FlightPlan(mission=flown) if mission else FlightPlan(excitation=flown)
+    return FlightPlan(mission=flown) if isinstance(flown, Mission) else FlightPlan(excitation=flown)
 
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:
@@ -221,5 +217,4 @@ def read_plan(path: str | PathLike[str]) -> FlightPlan:
 
 def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
     """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(plan.to_toml(), encoding="utf-8")
+    write_text(path, plan.to_toml())

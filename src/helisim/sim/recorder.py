@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.base.arrays import Real
 from helisim.base.errors import DivergedError, InputError
-from helisim.base.settings import check, in_brief, setting, to_plain
+from helisim.base.settings import Brief, check, setting, to_plain
 from helisim.physics.layout import INJECTION, PARAM, SENSOR
 from helisim.physics.motion import flip
 from helisim.records.record import (
@@ -71,11 +71,11 @@ class End:
     def error(self) -> DivergedError:
         """Return the error of a flight that ended so."""
         change = (
-            "fly a smaller amplitude, a narrower band or a mission with other settings, or check "
-            "the gyro's gains"
+            "fly for a shorter time, or give battery.capacity or battery.charge more"
+            if "emptied its battery" in self.why
+            else "fly a smaller amplitude, a narrower band or a mission with other settings, or "
+            "check the gyro's gains"
         )
-        if "emptied its battery" in self.why:
-            change = "fly for a shorter time, or give battery.capacity or battery.charge more"
         advice = f"; {change}" if self.traceback is None else ""
         error = DivergedError(f"{self.why} at {self.at:.2f} s{advice}")
         if self.traceback:
@@ -276,8 +276,8 @@ _NOISE = {
 _RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recorder:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Recorder(Brief):
     """A flight computer's rates, latencies, noise and resolution.
 
     `antialias_hz` is the corner of a fourth-order Butterworth filter. By channel name: `latency`,
@@ -305,9 +305,6 @@ class Recorder:
             )
         for name in (*(self.latency or ()), *self.noise, *self.resolution):
             channel(name)
-
-    def __repr__(self) -> str:
-        return in_brief(self)
 
     @classmethod
     def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":
@@ -356,8 +353,7 @@ class Recorder:
 class _Sampling:
     def __init__(self, recorder: Recorder, flight: Trajectory, rng: np.random.Generator) -> None:
         self.recorder, self.flight, self.rng = recorder, flight, rng
-        lasts = flight.time[-1] - flight.time[0]
-        count = int(np.floor(lasts * recorder.rate_hz + 1e-6)) + 1
+        count = int(np.floor((flight.time[-1] - flight.time[0]) * recorder.rate_hz + 1e-6)) + 1
         self.time = flight.time[0] + np.arange(count) / recorder.rate_hz
         rate_hz, corner = 1.0 / flight.timestep, recorder.antialias_hz
         passes = corner >= 0.5 * rate_hz

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.base.errors import InputError, RecordError, check_known, item_of
+from helisim.base.errors import InputError, RecordError, check_known, named
 from helisim.base.settings import is_number, to_plain
 from helisim.physics import pilot
 from helisim.physics.gyro import held_lag
@@ -47,8 +47,7 @@ _DRIFT = 4e-3  # rad between the halves of the rest: two standard errors of each
 def pedal_steps(time: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return pedal steps, (n_time,), at times in s: each to one side, back, to the other, back."""
     stick = np.zeros(time.size)
-    sides = [side * size for size in _STEPS for side in (1.0, -1.0)]
-    for number, step in enumerate(sides):
+    for number, step in enumerate([side * size for size in _STEPS for side in (1.0, -1.0)]):
         since = time - _APART - number * (_HELD + _APART)
         stick[(since >= 0.0) & (since < _HELD)] = step
     return stick
@@ -69,10 +68,12 @@ def table_sweep(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def hold(vehicle: Vehicle, rig: str) -> Vehicle:
     """Return the vehicle in a rig: "bench", "turntable" or "suspension"."""
-    model = assemble(
-        vehicle.folder, vehicle.parameters, timestep=float(vehicle.model.opt.timestep), rig=rig
+    return replace(
+        vehicle,
+        model=assemble(
+            vehicle.folder, vehicle.parameters, timestep=float(vehicle.model.opt.timestep), rig=rig
+        ),
     )
-    return replace(vehicle, model=model)
 
 
 def drive(
@@ -340,8 +341,7 @@ class RigTest:
 
     def __getitem__(self, name: str) -> Finding:
         """Return the finding of that name. Raises UnknownNameError."""
-        found = {finding.name: finding for finding in self.findings}
-        return item_of(found, name, f"finding of the {self.rig}")
+        return named(self.findings, name, f"finding of the {self.rig}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
@@ -454,8 +454,7 @@ def turntable_test(
 
 
 def _ratio_error(part: float, error: float, over: Finding) -> float:
-    of_bench = part / over.value**2 * (over.standard_error or 0.0)
-    return math.hypot(error / over.value, of_bench)
+    return math.hypot(error / over.value, part / over.value**2 * (over.standard_error or 0.0))
 
 
 def _check_servo(record: FlightRecord) -> None:

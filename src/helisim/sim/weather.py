@@ -70,13 +70,12 @@ class Dryden:
         """Return A (8, 8) and B (8, 4) of x' = A x + B n for white noise n of unit intensity."""
         lags = self.lags(span)
 
-        def rates(state: NDArray, noise: NDArray) -> NDArray[np.float64]:
+        def rates(state_and_noise: NDArray[np.float64]) -> NDArray[np.float64]:
             written = np.empty(_STATES)
-            law.turbulence_rates(state, noise, lags, written)
+            law.turbulence_rates(*np.split(state_and_noise, [_STATES]), lags, written)
             return written
 
-        a = np.column_stack([rates(unit, np.zeros(4)) for unit in np.eye(_STATES)])
-        b = np.column_stack([rates(np.zeros(_STATES), unit) for unit in np.eye(4)])
+        a, b = np.hsplit(np.column_stack([*map(rates, np.eye(_STATES + 4))]), [_STATES])
         return a, b * self.levels(span) * np.sqrt(2.0 * lags)
 
 

@@ -20,15 +20,14 @@ from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
-from helisim.sim.flight import begin, generator, steps
+from helisim.sim.flight import steps
 from helisim.sim.ground import Ground
-from helisim.sim.limits import Contact
+from helisim.sim.live import Live
 from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.sim.weather import Weather
 from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Outputs
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import check_motor, with_room
 from helisim.vehicle.controller import DIRECT, law_room
 from helisim.vehicle.trim import find_trim, set_governor
@@ -57,7 +56,7 @@ def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle
     return replace(vehicle, parameters=parameters, model=model, trim=trim)
 
 
-class Aircraft:
+class Aircraft(Live):
     """A vehicle that stands on the ground, its rotor stopped, until an autopilot flies it.
 
     After a strike or hard landing it has no rotor until `reset`; `crashed` is why. `data` is
@@ -82,43 +81,33 @@ class Aircraft:
         """
         if seed < 0:
             raise InputError(f"seed must be 0 or more, got {seed}")
-        self.weather, self.seed = weather or Weather(), seed
+        weather = weather or Weather()
         loaded = load(vehicle) if isinstance(vehicle, str) else vehicle
         self._each = _steps(loaded)
         flown = powered(loaded, FRAME / self._each / 1e6, motor=motor)
         self._motor = flown.parameters.word("drive.governor") == "motor"
-        self.ground = replace(ground or Ground(), parked=True, rotor=0.0 if self._motor else 1.0)
-        flown = self.ground.felt_by(flown.with_controller(DIRECT))
-        self.vehicle = self.weather.trimmed(flown)
-        self.outputs = Outputs.of(self.vehicle.parameters)
-        self.model = self.vehicle.grounded_model(self.ground.put_into)
-        self._where = addresses(self.model)
-        par = self.model.actuator_user[self._where.rotor]
-        par[PARAM.gyro_on] = par[PARAM.pilot_on] = 0.0
-        par[PARAM.ground_effect] = self.ground.effect
-        air_seed = int(generator(seed, 0, "air").integers(2**31))
-        self.weather.write(par, self.vehicle, seed=air_seed)
-        self._imu = int(self.model.sensor("imu_gyro").adr[0])
-        self._contact = Contact(self.vehicle, self.ground)
-        self.data = mujoco.MjData(self.model)
-        self._recorded = recorded
+        ground = replace(ground or Ground(), parked=True, rotor=0.0 if self._motor else 1.0)
+        flown = weather.trimmed(ground.felt_by(flown.with_controller(DIRECT)))
+        super().__init__(flown, flown.grounded_model(ground.put_into), weather, ground, seed=seed)
+        self.outputs = Outputs.of(flown.parameters)
+        self.par[PARAM.gyro_on] = self.par[PARAM.pilot_on] = 0.0
+        self._first, self._recorded = int(self.model.sensor("imu_gyro").adr[0]), recorded
         self.reset()
 
     def reset(self) -> None:
         """Stand on the ground at time 0, the rotor stopped."""
-        begin(self.vehicle, self.model, self.data, self.weather, self.ground, seed=self.seed)
-        act = self.data.act[self._where.state :]
-        act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
-        self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
         self.crashed, self._frames, self._crash_time = "", 0, 0.0
         self._slow_rotor = 0.0  # over the nominal one, without a motor
+        super().reset()
         self._start = np.zeros(3)
-        self._contact.begin()
-        with installed():
-            mujoco.mj_forward(self.model, self.data)
         self._start = self._read().position
         self.sensed = self._read()
         self._rows = [self.data.sensordata.copy()]
+
+    def _begins(self) -> None:
+        act = self.data.act[self._where.state :]
+        act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
+        self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
 
     @property
     def time(self) -> float:
@@ -128,7 +117,7 @@ class Aircraft:
     @property
     def rotor_speed(self) -> float:
         """Speed of the main rotor, over its nominal speed."""
-        return float(self.data.sensordata[self._imu + SENSOR.speed])
+        return float(self.data.sensordata[self._first + SENSOR.speed])
 
     @property
     def stands(self) -> bool:
@@ -146,11 +135,7 @@ class Aircraft:
         if self._recorded and self._frames % _EACH == 0:
             self._rows.append(self.data.sensordata.copy())
         if not self.crashed:
-            turn = np.empty(9)
-            mujoco.mju_quat2Mat(turn, sensed.quaternion)
-            self.crashed = self._contact.found(
-                sensed.time, self._start + sensed.position, turn.reshape(3, 3), self.stands
-            )
+            self.crashed = self.struck()
             if self.crashed:
                 self._crash_time, self._slow_rotor = self.time, 0.0
                 act = self.data.act[self._where.state :]
@@ -198,7 +183,7 @@ class Aircraft:
         self.data.ctrl[first : first + CONTROL.rotor + 1] = held
 
     def _read(self) -> Sensed:
-        data = self.data.sensordata[self._imu : self._imu + len(SENSOR)].tolist()
+        data = self.data.sensordata[self._first : self._first + len(SENSOR)].tolist()
         p, q, r, ax, ay, az, u, v, w, qw, qx, qy, qz, x, y, z = data[: SENSOR.imu_z + 1]
         if not math.isfinite(p + q + r + x + y + z + qw + u):
             self.crashed, self._crash_time = "the flight has no finite state", self.time

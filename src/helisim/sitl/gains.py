@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import InputError
-from helisim.base.linear import Linear
+from helisim.base.linear import Linear, responses
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import BY_NAME, axis_of
@@ -70,14 +70,12 @@ class Commanded:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Rates and attitudes."""
-        known = self.vehicle.outputs
-        return tuple(name for name in (*RATES, *ATTITUDES) if name in known)
+        return tuple(name for name in (*RATES, *ATTITUDES) if name in self.vehicle.outputs)
 
     def response(self, frequency: Real) -> Complex:
         """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
         own = self.vehicle
-        rows = [own.outputs.index(name) for name in self.outputs]
-        whole = own.response(frequency)[rows]
+        whole = own.response(frequency)[[own.outputs.index(name) for name in self.outputs]]
         by = [IN1.index(name) for name in own.inputs]
         to = [IN1.index(name) for name in self.inputs]
         moved = np.einsum("yuf,uc->ycf", whole, self.scale[np.ix_(by, to)])
@@ -147,8 +145,7 @@ def tune(
 
 
 def _own(plant: Linear, axis: str, frequency: Real) -> Complex:
-    row, column = plant.outputs.index(axis_of(axis).rate or ""), plant.inputs.index(axis)
-    return np.asarray(plant.response(frequency)[row, column])
+    return responses(plant, frequency, [axis_of(axis).rate or ""], [axis])[0, 0]
 
 
 def _holds(plant: Linear, axis: str) -> float:
@@ -212,14 +209,12 @@ def _clear(loops: Complex) -> NDArray[np.bool_]:
     first = loops[:, int(np.argmax(_BAND >= _HOLDS))]
     begins = (first.imag < 0.0) & (np.abs(first) > 1.0)
     size = 20.0 * np.log10(np.maximum(np.abs(loops), _LEAST))
-    behind = np.abs(np.angle(-loops))
-    near = (np.abs(size) < LEAST_GAIN) & (behind < LEAST_PHASE)
+    near = (np.abs(size) < LEAST_GAIN) & (np.abs(np.angle(-loops)) < LEAST_PHASE)
     angle = np.unwrap(np.angle(loops), axis=1)
     fallen = np.diff(np.floor((angle + np.pi) / (2.0 * np.pi)), axis=1) < 0.0
-    peak = -20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))
     return (
         begins
         & ~np.any(near, axis=1)
         & ~np.any(fallen & (size[:, 1:] > 0.0), axis=1)
-        & (peak < MOST_PEAK)
+        & ((-20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))) < MOST_PEAK)
     )

@@ -78,10 +78,9 @@ def read_frame(packet: bytes) -> Frame | None:
 
 def answer(sensed: Sensed) -> bytes:
     """Return the readings as a line of JSON without spaces, as ArduPilot's parser needs."""
-    imu = {"gyro": sensed.gyro.tolist(), "accel_body": sensed.force.tolist()}
     told = {
         "timestamp": sensed.time * _HAIR,
-        "imu": imu,
+        "imu": {"gyro": sensed.gyro.tolist(), "accel_body": sensed.force.tolist()},
         "position": sensed.position.tolist(),
         "velocity": sensed.velocity.tolist(),
         "quaternion": sensed.quaternion.tolist(),

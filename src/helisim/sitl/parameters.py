@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.files import atomic_write
-from helisim.base.linear import Linear
-from helisim.base.settings import check
+from helisim.base.files import write_text
+from helisim.base.linear import Linear, responses
+from helisim.base.settings import Checked
 from helisim.base.units import STANDARD_GRAVITY
-from helisim.handling.arducopter import COMMANDS
+from helisim.handling.arducopter import COMMANDS, WORDS
 from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.records.record import IN1
+from helisim.sitl.aircraft import SPOOL_UP
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import (
     CYCLIC,
@@ -47,15 +48,12 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class AutopilotParameters:
+class AutopilotParameters(Checked):
     """Settings of an autopilot by heading, and remarks on what they lack."""
 
     title: str
     groups: Mapping[str, tuple[Setting, ...]] = field(repr=False)
     remarks: tuple[str, ...] = field(default=(), repr=False)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -81,8 +79,7 @@ class AutopilotParameters:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write the file. Raises StorageError."""
-        with atomic_write(path) as temporary:
-            temporary.write_text(self.text, encoding="utf-8")
+        write_text(path, self.text)
 
 
 def _comment(text: str) -> Iterable[str]:
@@ -95,7 +92,6 @@ def _number(value: float) -> str:
 
 _RANGE = 0.5  # Of the sticks, to each side, in the unit of col and cyclic
 _HALF = 500.0  # us, a servo's travel to each side by default
-_SPOOL_UP = 12.0  # s, without a motor's numbers, as in `helisim.sitl.aircraft`
 _LANDED = -2.0  # deg, blade pitch to which the collective goes down at least
 _ASIDE = 40.0  # us, of the tail's trim from its hover pulse: 0.08 of full yaw
 _SAME = 1e-6
@@ -207,7 +203,7 @@ def rotor(vehicle: Vehicle, outputs: Outputs) -> Group:
     far = one.trim + one.travel * 100.0 / setpoint
     own = f"SERVO{one.channel:g}_"
     said = vehicle.parameters["drive.spool_up"]
-    spool = said or _SPOOL_UP
+    spool = said or SPOOL_UP
     return (
         Setting(f"{own}FUNCTION", ROTOR_FUNCTION, "speed of the rotor"),
         Setting(f"{own}MIN", round(min(one.trim, far))),
@@ -310,7 +306,6 @@ def _servo(output: Output, function: int, turned: bool, why: str, aside: float =
     )
 
 
-_WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 _QUICK = 10.0  # rad/s, at which a collective lifts before the vehicle moves
 
 
@@ -387,13 +382,13 @@ _LOOPS = (
 
 
 def _axis(tuning: Tuning, axis: str) -> Group:
-    gains, own = tuning.gains[axis], f"ATC_RAT_{_WORDS[axis]}_"
+    gains, own = tuning.gains[axis], f"ATC_RAT_{WORDS[axis]}_"
     cut, left = margins(tuning.loop.broken(axis)), rejection(tuning.loop.disturbance(axis))
     unit = "rad/s of " + str(axis_of(axis).rate)
     limit = 1.0 if axis == "ped" else 0.5
     return (
         Setting(
-            f"ATC_ANG_{_WORDS[axis]}_P",
+            f"ATC_ANG_{WORDS[axis]}_P",
             gains.angle,
             f"1/s. Predicted, cut at the command: gain margin {cut.least_gain:.1f} dB, phase "
             f"margin {math.degrees(cut.least_phase):.0f} deg, crossover "
@@ -439,9 +434,7 @@ def _lift(model: Linear, scale: NDArray[np.float64]) -> float:
     """Return the acceleration by all of the collective, m/s^2, 0 if nothing tells it."""
     if "w" not in model.outputs or "col" not in model.inputs:
         return 0.0
-    response = model.response(np.array([_QUICK]))
-    own = response[model.outputs.index("w"), model.inputs.index("col"), 0]
-    k = IN1.index("col")
+    own, k = responses(model, np.array([_QUICK]), ["w"], ["col"])[0, 0, 0], IN1.index("col")
     return float(abs(1j * _QUICK * own) * scale[k, k])
 
 

@@ -213,8 +213,7 @@ class Campaign:
             value = values.get(one.key, one.values[0])
             changes.setdefault(one.section, {})[one.name] = (value, one.relative)
         seed = self.seed + (number if self.seeds == "own" else again)
-        vehicle = str(self.vehicle)
-        return Replicate(number, point, seed, values, vehicle, changes, self.integrator)
+        return Replicate(number, point, seed, values, str(self.vehicle), changes, self.integrator)
 
     @cached_property
     def points(self) -> list[Point]:

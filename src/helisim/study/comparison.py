@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from helisim import ident
-from helisim.base.errors import item_of
+from helisim.base.errors import named
 from helisim.base.settings import check, setting
 from helisim.design.exact import Air
 from helisim.ident.fitted import Support
@@ -56,6 +56,11 @@ class ParameterRow:
 
     def __post_init__(self) -> None:
         check(self, self.name)
+
+    @property
+    def value(self) -> float:
+        """`identified`, as of a ground test's finding."""
+        return self.identified
 
     @property
     def error_percent(self) -> float | None:
@@ -133,8 +138,7 @@ class ComparisonTable:
 
     def __getitem__(self, name: str) -> ParameterRow:
         """Return the row of a parameter. Raises UnknownNameError."""
-        rows = {row.name: row for row in self.parameters}
-        return item_of(rows, name, f"parameter of {self.name}")
+        return named(self.parameters, name, f"parameter of {self.name}")
 
     @property
     def misses(self) -> tuple[str, ...]:
@@ -193,16 +197,12 @@ def identify_model(
     estimated: ident.FrequencyResponse | None = None,
 ) -> ident.Fit:
     """Identify a model from records by axis, given values of tables by name and tests by rig."""
-    values, errors = {}, {}
-    for name, source in model.given.items():
-        if source.source in (ground or {}):
-            found = (ground or {})[source.source][source.name]
-            values[name] = found.value
-        else:
-            found = (before or {})[source.source][source.name]
-            values[name] = found.identified
-        errors[name] = found.standard_error or 0.0  # none is stated
-    known = model.structure.with_fixed(values, errors)
+    sources: dict[str, RigTest | ComparisonTable] = {**(before or {}), **(ground or {})}
+    given = {name: sources[one.source][one.name] for name, one in model.given.items()}
+    known = model.structure.with_fixed(
+        {name: one.value for name, one in given.items()},
+        {name: one.standard_error or 0.0 for name, one in given.items()},  # none is stated
+    )
     if estimated is None:
         estimated = frequency_response(model, flights)
     return ident.identify(estimated, known, weighting=model.weighting)

@@ -138,8 +138,7 @@ def identify_for_design(
         float(np.mean([np.mean(record[name]) for record in records if name in record] or [0.0]))
         for name in ("phi", "theta")
     )
-    latency = own.get("gyro.latency", 0.0)
-    return Plant(tuple(fits), late or {}, ticks, latency, (phi, theta), pedal)
+    return Plant(tuple(fits), late or {}, ticks, own.get("gyro.latency", 0.0), (phi, theta), pedal)
 
 
 def servos_of(vehicle: Vehicle | None, seed: int = 1) -> Servos | None:

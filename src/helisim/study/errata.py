@@ -20,5 +20,4 @@ class Erratum:
 
 def errata() -> tuple[Erratum, ...]:
     """Return all known errors of the paper, in the order of its sections."""
-    texts = read_toml(Path(__file__).with_suffix(".toml"))["errata"]
-    return tuple(Erratum(**one) for one in texts)
+    return tuple(Erratum(**one) for one in read_toml(Path(__file__).with_suffix(".toml"))["errata"])

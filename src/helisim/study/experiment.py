@@ -44,8 +44,6 @@ from helisim.study.results import (
 from helisim.study.truth import exact_response
 from helisim.vehicle import Vehicle, load
 
-_RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
-"""Axis -> stick and motion whose coherence judges a sweep."""
 _VERIFIED = tuple(dict.fromkeys(axis for model in MODELS for axis in model.verified_by))
 _ENCODER = 0.001  # standard deviation of a servo's encoder, unitised
 _TESTS = (("swash", "COL", "servo_front", 2.5), ("tail", "PED", "servo_tail", 1.0))
@@ -248,10 +246,10 @@ def fly_sweeps(
 
 def sweep_coherence(record: FlightRecord, axis: str) -> float:
     """Return the mean coherence between the swept stick and its motion in one flight."""
-    stick, motion = _RESPONSE[axis]
+    swept = axis_of(axis)
     w_min, w_max = record.provenance["excitation"]["band"]
-    band = (max(1.0, w_min), 0.8 * w_max)
-    frf = ident.frequency_response(record, inputs=stick, outputs=motion, band=band)
+    band, motion = (max(1.0, w_min), 0.8 * w_max), swept.rate or swept.angle
+    frf = ident.frequency_response(record, inputs=swept.stick, outputs=motion, band=band)
     return float(np.mean(frf.coherence))
 
 

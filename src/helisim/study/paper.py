@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from helisim.base.errors import item_of
+from helisim.base.errors import item_of, named
 from helisim.base.files import read_toml
 from helisim.base.settings import from_plain
 from helisim.base.units import DB_PER_NEPER
@@ -51,8 +51,7 @@ class ReferenceTable:
 
     def __getitem__(self, name: str) -> ReferenceValue:
         """Return the value of that name. Raises UnknownNameError."""
-        found = {value.name: value for value in self.values}
-        return item_of(found, name, f"parameter of {self.name}")
+        return named(self.values, name, f"parameter of {self.name}")
 
     def __iter__(self) -> Iterator[ReferenceValue]:
         return iter(self.values)
@@ -72,12 +71,11 @@ class Published:
 
     def __getitem__(self, name: str) -> ReferenceTable:
         """Return a table. Raises UnknownNameError."""
-        return item_of({table.name: table for table in self.tables}, name, "reference table")
+        return named(self.tables, name, "reference table")
 
     def get(self, name: str) -> ReferenceTable:
         """Return a table, without values if nothing is published."""
-        named = (table for table in self.tables if table.name == name)
-        return next(named, ReferenceTable(name=name))
+        return next((one for one in self.tables if one.name == name), ReferenceTable(name=name))
 
     @property
     def targets(self) -> dict[str, float]:
@@ -87,8 +85,10 @@ class Published:
 
 @cache
 def _all() -> Mapping[str, Published]:
-    tables = read_toml(Path(__file__).with_suffix(".toml"))
-    return {vehicle: from_plain(Published, one, vehicle) for vehicle, one in tables.items()}
+    return {
+        vehicle: from_plain(Published, one, vehicle)
+        for vehicle, one in read_toml(Path(__file__).with_suffix(".toml")).items()
+    }
 
 
 def published(vehicle: str) -> Published:

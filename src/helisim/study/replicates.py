@@ -81,8 +81,11 @@ class _Task(NamedTuple):
         return dict.fromkeys(COLUMNS) | given | {"parameter": parameter, "unit": unit, **found}
 
     def failed(self, reason: object) -> list[Row]:
-        free = [one for one in self.model.structure.free if one.name not in self.model.given]
-        return [self.row(one.name, one.unit, failure=str(reason)) for one in free]
+        return [
+            self.row(one.name, one.unit, failure=str(reason))
+            for one in self.model.structure.free
+            if one.name not in self.model.given
+        ]
 
 
 def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Row]:
@@ -193,9 +196,8 @@ def _schema(campaign: Campaign) -> pa.Schema:
 
 def read_dataset(path: str | Path) -> tuple[pa.Table, dict[str, Any]]:
     """Return table and provenance of a campaign's dataset or folder. Raises StorageError."""
-    path = Path(path)
-    if path.is_dir():
-        path = path / _NAME  # which a campaign writes when it is complete
+    # a campaign writes its dataset when it is complete
+    path = Path(path) / _NAME if Path(path).is_dir() else Path(path)
     table = _read(path)
     return table, _header(path, table.schema)
 

@@ -7,12 +7,12 @@ from typing import Any, ClassVar, Literal
 
 from helisim import ident
 from helisim.base.display import Displayed
-from helisim.base.errors import InputError, StorageError, item_of
+from helisim.base.errors import InputError, StorageError, named
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
 from helisim.base.settings import (
+    Checked,
     Value,
-    check,
     convert,
     from_plain,
     placed,
@@ -59,7 +59,7 @@ class Exclusion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Results(Displayed):
+class Results(Checked, Displayed):
     """Findings of one experiment, the content of `results.json`.
 
     `ground` is by rig, `verification` by model: figures of its prediction of unseen flights.
@@ -77,12 +77,9 @@ class Results(Displayed):
     gyro_effect: GyroEffect | None = None
     eq_8: OverallCheck | None = None
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def __getitem__(self, name: str) -> ComparisonTable:
         """Return the table of a model. Raises UnknownNameError."""
-        return item_of({table.name: table for table in self.tables}, name, "table")
+        return named(self.tables, name, "table")
 
     def __repr__(self) -> str:
         return f"Results({len(self.tables)} models, {len(self.misses)} tolerance(s) missed)"
@@ -152,7 +149,7 @@ _FILED = [name for name in setting_names(ident.Verification) if name != "inputs"
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModel(Value):
+class IdentifiedModel(Checked, Value):
     """One identified model with its exact response and verification.
 
     `exact` is without error, None for a real vehicle; `verification` predicts flights that the fit
@@ -166,20 +163,15 @@ class IdentifiedModel(Value):
     verification: ident.Verification | None = None
     verified_on: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        told = None
-        if self.verification is not None:
-            told = {name: as_json(getattr(self.verification, name)) for name in _FILED}
+        found = self.verification
         return {
             "name": self.name,
             "note": self.note,
             "fit": self.fit.to_dict(),
             "exact": as_json(self.exact),
-            "verification": told,
+            "verification": (found and {name: as_json(getattr(found, name)) for name in _FILED}),
             "verified_on": list(self.verified_on),
         }
 
@@ -213,15 +205,12 @@ def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Value, Displayed):
+class Run(Checked, Value, Displayed):
     """Results, fits behind their tables, and kept sweeps by axis."""
 
     results: Results
     models: tuple[IdentifiedModel, ...] = ()
     flights: Mapping[str, Sequence[FlightRecord]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __repr__(self) -> str:
         return f"Run({self.results!r}, {len(self.models)} models)"
@@ -247,9 +236,6 @@ def read_run(folder: str | Path) -> Run:
 
 def read_kept_sweeps(folder: Path, left_out: Collection[str]) -> dict[str, list[FlightRecord]]:
     """Read the sweeps of a run's folder without those left out, by axis. Raises StorageError."""
-    kept: dict[str, list[FlightRecord]] = {}
-    for axis in AXES:
-        for path in sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")):
-            if path.stem not in left_out:
-                kept.setdefault(axis, []).append(read_record(path))
-    return kept
+    found = {axis: sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")) for axis in AXES}
+    kept = {axis: [p for p in paths if p.stem not in left_out] for axis, paths in found.items()}
+    return {axis: list(map(read_record, paths)) for axis, paths in kept.items() if paths}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim import ident
+from helisim.base.linear import responses
 from helisim.design.exact import Air
 from helisim.sim import Recorder
 from helisim.study.models import ModelSpec
@@ -52,8 +53,7 @@ def true_values(
     if model.truth_kind == "equivalent":
         return _equivalent_values(air, model, recorder, like)
     for name, (axis, motion) in _DELAYS.items():
-        held = 0.5 * own["gyro.period"]
-        servo = held if model.servos_known else vehicle.servo_delay(axis)
+        servo = (0.5 * own["gyro.period"]) if model.servos_known else vehicle.servo_delay(axis)
         true[name] = servo + recorder.late(motion) - recorder.late(axis)
     true |= {f"A_{way}": true[f"Q_{way}"] * true["tau_f"] for way in "uv"}
     if "L_p" in model.structure.names:  # what opposes roll and pitch beside the tilted rotor
@@ -71,9 +71,8 @@ def _equivalent_values(
     omega = np.geomspace(*model.band, 200) if like is None else like.frequency
     each = [exact_response(there, model, recorder, omega) for _, there in air]
     mean = np.array(sum(share * one.response for (share, _), one in zip(air, each)))
-    exact = replace(each[0], response=mean)
-    if like is not None:
-        exact = replace(exact, coherence=like.coherence)
+    coherence = each[0].coherence if like is None else like.coherence
+    exact = replace(each[0], response=mean, coherence=coherence)
     return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)
 
 
@@ -84,13 +83,11 @@ def exact_response(
 
     With a reference it is the joint input-output method's limit: conditioning channels are held.
     """
-    inputs = "IN2" if model.reference or model.input == "IN2" else "IN1"
-    linear = vehicle.linearize(inputs)
+    linear = vehicle.linearize("IN2" if model.reference or model.input == "IN2" else "IN1")
     driving = model.reference or model.inputs
     response = _recorded(linear, model.outputs, driving, recorder, omega)
     if model.reference:
-        given = (*model.inputs, *model.conditioning)
-        driven = _recorded(linear, given, driving, recorder, omega)
+        driven = _recorded(linear, (*model.inputs, *model.conditioning), driving, recorder, omega)
         # H U = Y at each frequency, axes (outputs, inputs, frequencies)
         response = np.linalg.solve(driven.T, response.T).T[:, : len(model.inputs)]
     else:
@@ -108,8 +105,5 @@ def _recorded(
     recorder: Recorder,
     omega: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    rows = [linear.outputs.index(name) for name in outputs]
-    columns = [linear.inputs.index(name) for name in inputs]
     delays = np.array([recorder.late(name) for name in outputs])
-    response = linear.response(omega)[np.ix_(rows, columns)]
-    return response * np.exp(-1j * delays[:, None, None] * omega)
+    return responses(linear, omega, outputs, inputs) * np.exp(-1j * delays[:, None, None] * omega)

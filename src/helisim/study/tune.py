@@ -11,9 +11,10 @@ from scipy.optimize import least_squares
 
 from helisim.base.errors import InputError, ModelError
 from helisim.base.units import DB_PER_NEPER
+from helisim.design.exact import exact_loop
 from helisim.design.plant import Plant
 from helisim.handling import figures
-from helisim.handling.loop import Curve
+from helisim.handling.spec import ATTITUDES
 from helisim.ident import identify, load_fit, structures
 from helisim.ident.evaluate import response
 from helisim.logs.dataflash import is_dataflash
@@ -25,7 +26,8 @@ from helisim.study.experiment import Source
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.paper import published_of
 from helisim.study.truth import exact_response, true_values
-from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
+from helisim.vehicle import Parameters, Vehicle
+from helisim.vehicle.parameters import solved
 from helisim.vehicle.rate_command import tune_rate_command
 
 _YAW = {"gyro.ped_latency": 0.02}
@@ -49,8 +51,7 @@ _INSTEAD = (
     "cyclic_bandwidth, yaw_bandwidth, peak_sensitivity"
 )
 
-LOOPS = ("lat", "lon", "ped")
-
+LOOPS = ATTITUDES  # of the gyro
 _STEPS = 30
 _DIFFERENCE = 3e-3  # relative step of derivatives, above the noise of solved gains
 _REST = 0.02  # weight that holds what the targets leave free
@@ -69,15 +70,14 @@ class Margins:
 
 def margins(vehicle: Vehicle, axis: str) -> Margins:
     """Return the margins of the gyro's loop at one of `LOOPS`, the other loops closed."""
-    loop = vehicle.loop(axis)
-    omega = np.geomspace(0.3, 0.999 * np.pi / loop.dt, 4000)
-    answer = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
-    found = figures.margins(Curve(omega, -answer))
+    omega = np.geomspace(0.3, 0.999 * np.pi / vehicle.parameters["gyro.period"], 4000)
+    found = figures.margins(exact_loop(vehicle, omega).broken(axis))
     if not found.crosses:
         raise ModelError(f"the {axis} loop has no crossover: its gain never falls through one")
     above = [size for at, size in found.gain if at > found.crossover]
-    least = float(np.degrees(found.least_phase))
-    return Margins(min(above, default=np.inf), least, found.crossover)
+    return Margins(
+        min(above, default=np.inf), float(np.degrees(found.least_phase)), found.crossover
+    )
 
 
 def tune(
@@ -100,11 +100,7 @@ def tune(
         target = {name: value for name, value in target.items() if name in model.tolerances}
         settings |= _solve(vehicle, starts, model, target, shape, on_progress or (lambda _: None))
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
-    entries = {
-        name: PhysicalParameter(name, value, vehicle.parameters.entry(name).unit, source)
-        for name, value in settings.items()
-    }
-    return Parameters(entries)
+    return solved(settings, vehicle.parameters, source)
 
 
 def _solve(

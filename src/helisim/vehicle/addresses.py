@@ -33,9 +33,8 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
 def _rotor_actuator(model: mujoco.MjModel, prefix: str) -> int:
     names = {model.actuator(k).name: k for k in range(model.nactuator)}
     rotors = [name for name in names if name.endswith("rotor")]
-    meant = [name for name in rotors if name.startswith(prefix)]
-    if f"{prefix}rotor" in names:
-        meant = [f"{prefix}rotor"]
+    exact = [name for name in rotors if name == f"{prefix}rotor"]
+    meant = exact or [name for name in rotors if name.startswith(prefix)]
     if len(meant) != 1:
         advice = "there are several: give the prefix of one" if meant else ""
         raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors, advice=advice)

@@ -239,13 +239,11 @@ def wash_coefficients(x: float, z: float) -> tuple[float, ...]:
     cosine = np.cos(_SKEWS)
     tube = (1.0 + _CONTRACTION * np.maximum(cosine, 0.0) ** 2) ** -0.25
     places = [(x + dx, z + dz) for dx in _SPREAD for dz in _SPREAD]
-    tubes = [loaded_downwash(*at, _SKEWS, radius=tube, core=_CORE) for at in places]
-    wash = np.mean(tubes, axis=0)
+    wash = np.mean([loaded_downwash(*at, _SKEWS, radius=tube, core=_CORE) for at in places], axis=0)
     hover, descent = max(0.0, float(wash[0])), float(wash[-1])
     upright = np.where(cosine > 0.0, hover, descent) * cosine**2
     powers = cosine[:, None] ** np.arange(WASH - 2)
-    basis = np.sin(_SKEWS)[:, None] ** 2 * powers
-    fitted = np.linalg.lstsq(basis, wash - upright, rcond=None)[0]
+    fitted = np.linalg.lstsq(np.sin(_SKEWS)[:, None] ** 2 * powers, wash - upright, rcond=None)[0]
     return tuple(round(float(one), _DIGITS) for one in (hover, descent, *fitted))
 
 
@@ -282,9 +280,8 @@ def assemble(
     if integrator not in (None, *_INTEGRATORS):
         raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
     folder = model_folder(vehicle)
-    path = mjcf_file(folder) if rig is None else rig_file(folder, rig)
-    if visual and (folder / "scene.xml").is_file():
-        path = folder / "scene.xml"
+    path, scene = mjcf_file(folder) if rig is None else rig_file(folder, rig), folder / "scene.xml"
+    path = scene if visual and scene.is_file() else path
     block = force_law_block(parameters)
     with _named(path):
         spec = mujoco.MjSpec.from_file(str(path))

@@ -225,8 +225,9 @@ _CENTRED = 1e-9  # tolerance of the controls, unitised
 
 def is_known(given: Mapping[str, float]) -> bool:
     """Return whether parameters, uncalibrated, say all but the hover that is solved for."""
-    solved = set(UNKNOWNS) - {*HOVER, "main_rotor.hub_cross"}
-    return all(name in given for name in (*solved, *BLADE))
+    return all(
+        name in given for name in (*(set(UNKNOWNS) - {*HOVER, "main_rotor.hub_cross"}), *BLADE)
+    )
 
 
 def settled(vehicle: str | PathLike[str], given: Parameters) -> Parameters:

@@ -15,10 +15,10 @@ from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
 from helisim.records.record import IN1, IN2, RATES
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.controller import SHIPPED, Controller
+from helisim.vehicle.linearize import jacobian
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, collective_stick, place, steady_force
 
-_STEP = 1e-5  # central difference, unitised or SI, as of the base helicopter
 _TRIES = 20
 _SETTLED = 1e-9  # unitised: greatest error of commands, and of a state's step
 
@@ -37,10 +37,10 @@ def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> 
         *swash, tail = law(seen._replace(**dict(zip(inputs, at[n:].tolist()))), after)
         return np.array([*after, *swashplate.unmix(*swash), tail])
 
-    jacobian = _jacobian(acted, np.array([*state, *(getattr(seen, name) for name in inputs)]))
+    slopes = jacobian(acted, np.array([*state, *(getattr(seen, name) for name in inputs)]))
     always = (*RATES, *IN2)
-    kept = [k for k, name in enumerate(inputs) if name in always or jacobian[:, n + k].any()]
-    a, b = jacobian[:, :n], jacobian[:, [n + k for k in kept]]
+    kept = [k for k, name in enumerate(inputs) if name in always or slopes[:, n + k].any()]
+    a, b = slopes[:, :n], slopes[:, [n + k for k in kept]]
     period, names = float(law.par[PARAM.gyro_period]), tuple(inputs[k] for k in kept)
     return LinearSystem(a[:n], b[:n], a[n:], b[n:], period, names, IN1, controller.state_names)
 
@@ -106,14 +106,14 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
 
     def off(at: NDArray[np.float64]) -> NDArray[np.float64]:
         after = at[:n].copy()
-        given = law(seen(at), after)
+        given = law(seen(at), after)  # which moves the state on
         return np.array([*(after - at[:n]), *(np.array(given) - law.commands)])
 
     for _ in range(_TRIES):
         left = off(at)
         if not np.max(np.abs(left)) >= _SETTLED:  # or it is no number
             break
-        at = at + np.linalg.lstsq(_jacobian(off, at), -left, rcond=1e-9)[0]
+        at = at + np.linalg.lstsq(jacobian(off, at), -left, rcond=1e-9)[0]
     wrong = off(at)[n:]
     if not np.max(np.abs(wrong)) < 1e3 * _SETTLED:
         raise ModelError(
@@ -121,10 +121,3 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
             f"of front, left, right and tail stay off by {', '.join(f'{one:.2g}' for one in wrong)}"
         )
     return seen(at), at[:n]
-
-
-def _jacobian(
-    function: Callable[[NDArray[np.float64]], NDArray[np.float64]], at: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    steps = _STEP * np.eye(at.size)
-    return np.column_stack([(function(at + h) - function(at - h)) / (2.0 * _STEP) for h in steps])

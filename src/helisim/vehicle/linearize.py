@@ -1,6 +1,7 @@
 """The exact linearisation of a vehicle at its trim: the truth that identification must find."""
 
 import copy
+from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, fields
 from typing import Any
 
@@ -8,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.arrays import Real
 from helisim.base.display import Displayed
 from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
@@ -85,24 +87,19 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
     Delays of sensors and sticks are not in it. Raises ModelError if a derivative isn't finite.
     """
     dynamics = _Dynamics(model, trim)
-    point = np.zeros(dynamics.size)
     with installed():
-        columns = [
-            (dynamics(point + _STEP * unit) - dynamics(point - _STEP * unit)) / (2.0 * _STEP)
-            for unit in np.eye(dynamics.size)
-        ]
-    jacobian = np.column_stack(columns)
-    if not np.all(np.isfinite(jacobian)):
+        slopes = jacobian(dynamics, np.zeros(dynamics.size))
+    if not np.all(np.isfinite(slopes)):
         raise ModelError(
             "the linearisation isn't finite: a parameter, such as a servo's frequency, is out of "
             "all proportion"
         )
     n = len(dynamics.states)
     return Linearization(
-        jacobian[:n, :n],
-        jacobian[:n, n:],
-        jacobian[n:, :n],
-        jacobian[n:, n:],
+        slopes[:n, :n],
+        slopes[:n, n:],
+        slopes[n:, :n],
+        slopes[n:, n:],
         None,
         IN1,
         (*OUTPUTS, *IN1),
@@ -112,10 +109,15 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
     )
 
 
+def jacobian(function: Callable[[Real], Real], at: Real) -> Real:
+    """Return a function's central differences, (n_out, n_in), at a point, (n_in,)."""
+    steps = _STEP * np.eye(at.size)
+    return np.column_stack([(function(at + h) - function(at - h)) / (2.0 * _STEP) for h in steps])
+
+
 def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a model with constant rotor speed; itself if it has that already."""
-    rotor = addresses(model).rotor
-    if not model.actuator_user[rotor, PARAM.drive_governor]:
+    if not model.actuator_user[addresses(model).rotor, PARAM.drive_governor]:
         return model
     plain = copy.copy(model)
     set_governor(plain, IDEAL)

@@ -36,8 +36,9 @@ def models_folder() -> Path:
 
 def vehicle_names() -> tuple[str, ...]:
     """Return the names of the shipped vehicles."""
-    found = models_folder().glob(f"*/{PARAMETER_FILES[0]}")
-    return tuple(sorted(path.parent.name for path in found))
+    return tuple(
+        sorted(path.parent.name for path in models_folder().glob(f"*/{PARAMETER_FILES[0]}"))
+    )
 
 
 def model_folder(vehicle: str | os.PathLike[str], *, beside: Path | None = None) -> Path:
@@ -263,13 +264,22 @@ class Parameters(Mapping[str, float]):
         entries = dict(self._entries)
         for name, value in changes.items():
             entry = self.entry(name)
-            new = number_of(name, value)
-            entries[name] = replace(entry, value=new, source="set by the user")
+            entries[name] = replace(entry, value=number_of(name, value), source="set by the user")
         for name, known in glossary().items():
             follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {known.like}"
             if follows and known.like in changes:
                 entries[name] = replace(entries[name], value=entries[known.like].value)
         return Parameters(entries)
+
+
+def solved(values: Mapping[str, float], own: Parameters, source: str) -> Parameters:
+    """Return new values of a vehicle's own parameters, by name, from one source."""
+    return Parameters(
+        {
+            name: PhysicalParameter(name, value, own.entry(name).unit, source)
+            for name, value in values.items()
+        }
+    )
 
 
 def read_entries(path: Path, entries: dict[str, PhysicalParameter]) -> Iterator[str]:
@@ -312,12 +322,14 @@ def check_values(parameters: Mapping[str, float]) -> None:
 
 def untuned(parameters: Parameters) -> Parameters:
     """Return the parameters with plain values for missing settings of the gyro, not fit to fly."""
-    plain = {
-        name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
-        for name, known in glossary().items()
-        if known.untuned is not None
-    }
-    return Parameters(plain | parameters.entries())
+    return Parameters(
+        {
+            name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
+            for name, known in glossary().items()
+            if known.untuned is not None
+        }
+        | parameters.entries()
+    )
 
 
 def completed(parameters: Parameters) -> Parameters:

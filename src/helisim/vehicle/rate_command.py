@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.base.errors import ModelError
-from helisim.vehicle.parameters import Parameters, PhysicalParameter
+from helisim.vehicle.parameters import Parameters, solved
 from helisim.vehicle.vehicle import Vehicle
 
 _POINTS = 40
@@ -50,13 +50,7 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
     for axes in starts:  # whatever the vehicle was tuned to before
         bandwidth = own[f"tuning.{axes}_bandwidth"]
         settings |= _solve(vehicle.with_settings(settings), gains[axes], bandwidth, starts[axes])
-    source = "solved by helisim tune: rate command, peak sensitivity"
-    return Parameters(
-        {
-            name: PhysicalParameter(name, value, own.entry(name).unit, source)
-            for name, value in settings.items()
-        }
-    )
+    return solved(settings, own, "solved by helisim tune: rate command, peak sensitivity")
 
 
 def _cyclic_starts(own: Parameters) -> dict[str, float]:

@@ -203,12 +203,11 @@ def flapping_from_blade(
             f"{lock_number:g}, {speed:g}, {direction:g} and {flap_frequency:g}"
         )
     stiffness = direction * ((flap_frequency**2 - 1.0) * 8.0 / lock_number + pitch_flap)
-    disc = TipPathPlane(
+    return TipPathPlane(
         share=lock_number / 16.0,
         springs=np.array([[0.0, -stiffness], [stiffness, 0.0]]),
         cyclic=np.array([[0.0, 1.0], [1.0, 0.0]]) * [lat_range, lon_range],
-    )
-    return disc.flapping(speed=speed, direction=direction)
+    ).flapping(speed=speed, direction=direction)
 
 
 def lock_reduction(lift_slope: float, solidity: float, inflow: float) -> float:
@@ -280,8 +279,13 @@ def with_both(parameters: Parameters) -> Parameters:
 
 def stated(parameters: Parameters) -> Parameters:
     """Return the parameters without what follows from others by `with_both`."""
-    entries = parameters.entries().items()
-    return Parameters({name: one for name, one in entries if not one.source.startswith(_FOLLOWS)})
+    return Parameters(
+        {
+            name: one
+            for name, one in parameters.entries().items()
+            if not one.source.startswith(_FOLLOWS)
+        }
+    )
 
 
 def changed(parameters: Parameters, changes: Mapping[str, float | str]) -> Parameters:

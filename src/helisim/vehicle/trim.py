@@ -147,8 +147,7 @@ def find_trim(
     start = near or _level(model, par)
 
     def steady(near_one: NDArray[np.float64]) -> Trim:
-        found = (float(value) for value in near_one - 1.0)
-        return Trim(**dict(zip(names, found)), speed=speed, height=height)
+        return Trim(**dict(zip(names, map(float, near_one - 1.0))), speed=speed, height=height)
 
     def imbalance(near_one: NDArray[np.float64]) -> NDArray[np.float64]:
         trim, left = steady(near_one), near_one

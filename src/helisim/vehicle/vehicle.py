@@ -76,8 +76,7 @@ class Vehicle(Value, Displayed):
 
     def __reduce__(self) -> tuple[Any, ...]:
         where = self.name if is_shipped(self.folder) else self.folder
-        own = self.parameters, self.model, self.trim, self.controller, self.slung
-        return _passed, (where, *own)
+        return _passed, (where, self.parameters, self.model, self.trim, self.controller, self.slung)
 
     @property
     def name(self) -> str:
@@ -163,8 +162,11 @@ class Vehicle(Value, Displayed):
             raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
         if inputs == "IN2":
             return close(self._base, self.gyro, imu=self.imu_offset)
-        held = 0.5 * self.parameters["gyro.period"]
-        return replace(self._base, delays=dict.fromkeys(IN1, held), trim=self.trim)
+        return replace(
+            self._base,
+            delays=dict.fromkeys(IN1, 0.5 * self.parameters["gyro.period"]),
+            trim=self.trim,
+        )
 
     @cached_property
     def digest(self) -> str:
@@ -219,8 +221,7 @@ class Vehicle(Value, Displayed):
 
     def cut(self, axis: str) -> LinearSystem:
         """Return what `loop` does, with a frequency response of its own."""
-        cut = close(self._base, self.gyro, imu=self.imu_offset, cut=axis)
-        return cut.select(outputs=(axis,))
+        return close(self._base, self.gyro, imu=self.imu_offset, cut=axis).select(outputs=(axis,))
 
     def with_settings(self, settings: Mapping[str, float]) -> "Vehicle":
         """Return the same vehicle, not trimmed again, with other settings such as "gyro.k_p".
@@ -271,8 +272,14 @@ class Vehicle(Value, Displayed):
 
     def grounded_model(self, around: Around) -> mujoco.MjModel:
         """Return its model with something around it that it can touch, such as the ground."""
-        room, own = law_room(self.model), self.parameters
-        return with_room(self.model, self.folder, own, room, around=around, slung=self.slung)
+        return with_room(
+            self.model,
+            self.folder,
+            self.parameters,
+            law_room(self.model),
+            around=around,
+            slung=self.slung,
+        )
 
     def visual_model(self, around: Around | None = None) -> mujoco.MjModel:
         """Return the vehicle's model with all its parts and its scene."""
@@ -359,8 +366,7 @@ def standard_parameters(
                 remedy=Command(command, (str(folder),), (Option("write"),)),
             )
     found = read_parameters(*(path for path in files if path.is_file()))
-    if not files[2].is_file():
-        found = untuned(found)
+    found = found if files[2].is_file() else untuned(found)
     for name, known in glossary().items():
         if not known.optional and not {name, *INSTEAD.get(name, ())} & set(found):
             raise ModelError(

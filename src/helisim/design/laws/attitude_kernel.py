@@ -75,8 +75,8 @@ def follow(state, settings, block, stick, centre, own, crossed):
     `crossed` are the errors of the axis and of the one that it is coupled to.
     """
     at, period = int(settings[block + ATTITUDE.state]), settings[GENERAL.period]
-    asked = settings[block + ATTITUDE.stick] * stick
-    wanted = centre + bounded(asked, settings[block + ATTITUDE.most])
+    most = settings[block + ATTITUDE.most]
+    wanted = centre + bounded(settings[block + ATTITUDE.stick] * stick, most)
     angle = (
         settings[block + ATTITUDE.model_aa] * state[at]
         + settings[block + ATTITUDE.model_ab] * state[at + 1]
@@ -87,13 +87,16 @@ def follow(state, settings, block, stick, centre, own, crossed):
         + settings[block + ATTITUDE.model_bb] * state[at + 1]
         + settings[block + ATTITUDE.model_b] * wanted
     )
-    ahead = settings[block + ATTITUDE.ff_acceleration] * ((rate - state[at + 1]) / period)
-    ahead += settings[block + ATTITUDE.ff_rate] * (wrap_to_pi(angle - state[at]) / period)
+    ahead = settings[block + ATTITUDE.ff_acceleration] * (
+        (rate - state[at + 1]) / period
+    ) + settings[block + ATTITUDE.ff_rate] * (wrap_to_pi(angle - state[at]) / period)
     state[at], state[at + 1] = angle, rate
-    back = settings[block + ATTITUDE.k_angle] * own[0]
-    back += settings[block + ATTITUDE.k_rate] * own[1]
-    back += settings[block + ATTITUDE.k_angle_cross] * crossed[0]
-    back += settings[block + ATTITUDE.k_rate_cross] * crossed[1]
+    back = (
+        settings[block + ATTITUDE.k_angle] * own[0]
+        + settings[block + ATTITUDE.k_rate] * own[1]
+        + settings[block + ATTITUDE.k_angle_cross] * crossed[0]
+        + settings[block + ATTITUDE.k_rate_cross] * crossed[1]
+    )
     summed = settings[block + ATTITUDE.k_integral] * own[0]
     return ahead + filtered(state, settings, block, back), summed
 

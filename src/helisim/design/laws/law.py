@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, is_dataclass
+from dataclasses import MISSING, dataclass, is_dataclass, replace
 from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError, check_known
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.linear import Linear, LinearSystem
 from helisim.base.settings import (
+    Checked,
     FrozenMap,
     Inline,
     check,
@@ -32,7 +33,6 @@ VERSION = 1  # version of a law's file
 LIMIT = 0.5  # default limit of a command, unitised
 _KINDS: "dict[str, type[Law]]" = {}
 _LARGEST = 1e9  # largest number of a law, SI; its inverse is the least
-_SMALL = 2.0**-20
 Kind = TypeVar("Kind", bound="type[Law]")
 
 number = partial(setting, low=-_LARGEST, high=_LARGEST)
@@ -98,8 +98,7 @@ class Law(ABC):
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write its file (TOML). Raises StorageError."""
-        with atomic_write(path) as temporary:
-            temporary.write_text(self.to_toml(), encoding="utf-8")
+        write_text(path, self.to_toml())
 
     def parameters(self) -> dict[str, float]:
         """Return the numbers that are tuned, by name, such as "lat.k_rate"."""
@@ -136,9 +135,8 @@ def _inlined(data: Any, *, listed: bool = False) -> Any:
     if isinstance(data, Mapping):
         table = {key: _inlined(one, listed=listed) for key, one in data.items()}
         return Inline(table) if listed else table
-    if isinstance(data, list | tuple):
-        return [_inlined(one, listed=True) for one in data]
-    return data
+    several = isinstance(data, list | tuple)
+    return [_inlined(one, listed=True) for one in data] if several else data
 
 
 def register(kind: Kind) -> Kind:
@@ -166,16 +164,13 @@ def read_law(path: str | PathLike[str]) -> Law:
 
 
 @dataclass(frozen=True)
-class Lead:
+class Lead(Checked):
     """(1 + s/zero) / (1 + s/pole), rad/s: a lead if the zero is below the pole; Tustin."""
 
     kinds: ClassVar[dict[str, type["Lead"]]] = {}
     """Name of a filter's kind in a file -> its class."""
     zero: float = positive(MISSING)
     pole: float = positive(MISSING)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def coefficients(self, period: float) -> tuple[float, float, float]:
         """Return b0, b1, a1 of the filter sampled each period (s)."""
@@ -203,24 +198,15 @@ def probed(
 
     still = Seen(*np.zeros(len(Seen._fields)).tolist())
 
-    def ticked(before: NDArray[np.float64]) -> NDArray[np.float64]:
-        state = before[:states].copy()
-        seen = still._replace(**dict(zip(inputs, before[states:].tolist())))
+    def ticked(before: NDArray[np.float64], given: NDArray[np.float64]) -> NDArray[np.float64]:
+        state, seen = before.copy(), still._replace(**dict(zip(inputs, given.tolist())))
         commands = law(seen, state, settings)  # which moves the state on
         return np.array([*state, *commands])
 
-    small = _SMALL * np.eye(states + len(inputs))
-    whole = np.column_stack([ticked(one) / _SMALL for one in small])
-    kept, before = list(range(states)), None
+    whole = LinearSystem.of_steps(ticked, states, period, inputs, IN1)
+    moved, kept, before = np.hstack([whole.a, whole.b]), list(range(states)), None
     while kept != before:
-        before, others = kept, [*kept, *range(states, whole.shape[1])]
-        kept = [k for k in kept if np.any(whole[k, [one for one in others if one != k]])]
-    return LinearSystem(
-        whole[np.ix_(kept, kept)],
-        whole[kept, states:],
-        whole[states:, kept],
-        whole[states:, states:],
-        period,
-        tuple(inputs),
-        IN1,
-    )
+        before, others = kept, [*kept, *range(states, moved.shape[1])]
+        kept = [k for k in kept if np.any(moved[k, [one for one in others if one != k]])]
+    a, b, c = whole.a[np.ix_(kept, kept)], whole.b[kept], whole.c[:, kept]
+    return replace(whole, a=a, b=b, c=c, states=())

@@ -91,6 +91,17 @@ class CollectiveAxis:
     stick: float = number(1.0)
 
 
+_GAINS = {
+    "collective": ("col", "stick"),
+    "p_per_lat": ("lat", "stick"),
+    "p_per_lon": ("lat", "stick_cross"),
+    "q_per_lon": ("lon", "stick"),
+    "q_per_lat": ("lon", "stick_cross"),
+    **{f"k{one}_{axis}": (axis, f"k_{one}") for axis in ("lat", "lon") for one in "pid"},
+    **{name: ("ped", name) for name in ("k_p", "k_i", "k_delta", "k_a", "lead", "heading_lock")},
+}  # The gyro's number in `PARAM` -> an axis's table, and its key there
+
+
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RateCommand(Law):
@@ -119,28 +130,19 @@ class RateCommand(Law):
         own = vehicle.parameters
         par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
 
-        def number(name: str) -> float:
-            return float(par[getattr(PARAM, f"gyro_{name}")])
-
-        def axis(rate: str, stick: str, other: str) -> RateAxis:
-            gains = {f"k_{one}": number(f"k{one}_{stick}") for one in "pid"}
-            across = number(f"{rate}_per_{other}")
-            return RateAxis(stick=number(f"{rate}_per_{stick}"), stick_cross=across, **gains)
-
+        axes: dict[str, dict[str, float]] = {"ped": {"lead_filter": own["gyro.lead_filter"]}}
+        for slot, (axis, name) in _GAINS.items():
+            axes.setdefault(axis, {})[name] = float(par[getattr(PARAM, f"gyro_{slot}")])
         return cls(
-            lat=axis("p", "lat", "lon"),
-            lon=axis("q", "lon", "lat"),
-            ped=YawRateAxis(
-                **{name: number(name) for name in ("k_p", "k_i", "k_delta", "k_a", "lead")},
-                lead_filter=own["gyro.lead_filter"],
-                heading_lock=number("heading_lock"),
-            ),
-            col=CollectiveAxis(stick=number("collective")),
+            lat=RateAxis(**axes["lat"]),
+            lon=RateAxis(**axes["lon"]),
+            ped=YawRateAxis(**axes["ped"]),
+            col=CollectiveAxis(**axes["col"]),
             phase=own["gyro.phase"],
             filter=own["gyro.filter"],
             derivative_filter=own["gyro.derivative_filter"],
-            attitude_lock=number("attitude_lock"),
-            anti_windup=number("hold_above") != NEVER,
+            attitude_lock=float(par[PARAM.gyro_attitude_lock]),
+            anti_windup=float(par[PARAM.gyro_hold_above]) != NEVER,
             name=f"gyro of {vehicle.name}",
         )
 
@@ -165,22 +167,12 @@ class RateCommand(Law):
         settings = np.zeros(SETTINGS)
         by_slot = {
             "period": period,
-            "heading_lock": self.ped.heading_lock,
             "attitude_lock": self.attitude_lock,
-            "collective": self.col.stick,
             "hold_above": 0.5 if self.anti_windup else NEVER,
             "phase_cosine": math.cos(self.phase),
             "phase_sine": math.sin(self.phase),
-            "p_per_lat": self.lat.stick,
-            "p_per_lon": self.lat.stick_cross,
-            "q_per_lon": self.lon.stick,
-            "q_per_lat": self.lon.stick_cross,
+            **{slot: getattr(getattr(self, axis), key) for slot, (axis, key) in _GAINS.items()},
         }
-        by_slot |= {name: getattr(self.ped, name) for name in _YAW}
-        for stick in ("lat", "lon"):
-            by_slot |= {
-                f"k{one}_{stick}": getattr(getattr(self, stick), f"k_{one}") for one in "pid"
-            }
         for name, value in by_slot.items():
             settings[getattr(PARAM, f"gyro_{name}")] = value
         write_gyro_filters(
@@ -191,6 +183,3 @@ class RateCommand(Law):
             slow=self.derivative_filter,
         )
         return settings
-
-
-_YAW = ("k_p", "k_i", "k_delta", "k_a", "lead")

@@ -157,9 +157,8 @@ def state_space_law(seen, state, settings):
     for k in range(n):
         before[k] = state[k]
     for k in range(4):
-        command = settings[LAYOUT.trim + k]
-        command += row_times(settings, LAYOUT.c, k, before)
-        command += row_times(settings, LAYOUT.d, k, inputs)
+        moved = row_times(settings, LAYOUT.c, k, before)
+        command = settings[LAYOUT.trim + k] + moved + row_times(settings, LAYOUT.d, k, inputs)
         limit = settings[LAYOUT.limit + k]
         given[k] = min(limit, max(-limit, command))
         over[k] = given[k] - command
@@ -177,8 +176,8 @@ def start_state(seen, state, settings):
     col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, LAYOUT.plate)
     missing = np.array([col, lon, lat, seen.tail])
     for k in range(4):
-        missing[k] -= settings[LAYOUT.trim + k]
-        missing[k] -= row_times(settings, LAYOUT.d, k, inputs)
+        direct = row_times(settings, LAYOUT.d, k, inputs)
+        missing[k] = missing[k] - settings[LAYOUT.trim + k] - direct
     for k in range(int(settings[LAYOUT.states])):
         state[k] = row_times(settings, LAYOUT.start, k, missing)
 

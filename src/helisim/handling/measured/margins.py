@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError, check_known
-from helisim.base.settings import Limits, Value, check, convert, setting
+from helisim.base.settings import Checked, Limits, Value, check, convert, setting
 from helisim.handling.loop import BY_NAME, PLACES, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.interval import (
     UNITS,
@@ -95,10 +95,12 @@ def cuts_by_name(names: Sequence[str]) -> tuple[Cut, ...]:
 
 
 def _drives(record: FlightRecord, cuts: Sequence[Cut]) -> tuple[str, ...]:
-    injected: list[str] = []
-    for place in PLACES:
-        names = [cut.injected for cut in cuts if cut.at == place and cut.injected in record]
-        injected += _large({name: float(np.std(record[name])) for name in names}, _FAINT)
+    there = [cut for cut in cuts if cut.injected in record]
+    sizes = [
+        {cut.injected: float(np.std(record[cut.injected])) for cut in there if cut.at == place}
+        for place in PLACES
+    ]
+    injected = [name for one in sizes for name in _large(one, _FAINT)]
     speeds = {name: float(np.std(np.diff(record[name]))) for name in IN2 if name in record}
     return tuple(injected or _large(speeds, _SWEPT))
 
@@ -126,13 +128,12 @@ def _latencies(records: Sequence[FlightRecord]) -> dict[str, float]:
         recorder = record.provenance.get("recorder")
         late = recorder.get("latency") if isinstance(recorder, Mapping) else None
         found |= late if isinstance(late, Mapping) else {}
-    for name in found.keys() & set(IN1):
-        found |= {f"{name}_disturbance": found[name], f"{name}_sum": found[name]}
-    return found
+    named = {one: name for name in IN1 for one in (f"{name}_disturbance", f"{name}_sum")}
+    return found | {one: found[name] for one, name in named.items() if name in found}
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Value):
+class Driven(Checked, Value):
     """Responses, (n_out, n_freq), of outputs to one injected signal, all other injected ones held.
 
     At (n_freq,) rad/s; `root` is a root R of the errors' covariance R R*, (n_out n_freq,) squared.
@@ -144,9 +145,6 @@ class Driven(Value):
     response: Complex
     root: Complex = field(repr=False)
     flags: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def samples(self, count: int, seed: int) -> Complex:
         """Return draws of the response, (count, n_out, n_freq), in pairs about this one."""
@@ -193,8 +191,7 @@ def _error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> C
     """
     n_out, n_freq = scatter.noise.shape[1], scatter.frequency.size
     last = max(int(np.max(one.first)) + one.value.shape[3] for one in scatter.weights)
-    n_flight = scatter.weights[0].value.shape[2]
-    taken = np.zeros((n_out, n_freq, n_flight, last), dtype=np.complex64)
+    taken = np.zeros((n_out, n_freq, scatter.weights[0].value.shape[2], last), dtype=np.complex64)
     for position, one in enumerate(scatter.weights):
         share = scatter.share[one.part, :, place, position].T.astype(np.float32)
         value = np.einsum("op,pel->oel", share, one.value[:, place])
@@ -446,8 +443,7 @@ class MeasuredMargins(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        figures = [one.to_dict() for one in self.figures]
-        return {"figures": figures, "remarks": list(self.remarks)}
+        return {"figures": [one.to_dict() for one in self.figures], "remarks": list(self.remarks)}
 
 
 @one_blas_thread()

@@ -20,9 +20,9 @@ from helisim.vehicle.addresses import root_body
 from helisim.vehicle.law import trimmed_sticks
 from helisim.vehicle.trim import Motion, Trim
 
-_ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
+ATTITUDE, VELOCITY, POSITION = 3.0, 1.0, 0.35
 """rad/s, at which the loops of attitude, velocity and position cross over."""
-_HEAVE, _HEIGHT, _HEADING = 4.0, 1.0, 1.5
+HEAVE, HEIGHT, HEADING = 4.0, 1.0, 1.5
 """rad/s, of the loops of vertical speed, height and heading."""
 _TRIMMING, _LIFTING = 0.2, 0.5
 """rad/s, of the integrals of drag and wind, and of climb."""
@@ -167,12 +167,12 @@ class OuterLoop:
         self.gravity = float(np.linalg.norm(model.opt.gravity))
         lift = abs(vehicle.derivatives["Z_col"] * float(par[PARAM.gyro_collective]))
         yaw_rate = float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a])
-        roll, pitch = (_ATTITUDE / np.diagonal(rates)).tolist()
-        given = (-_HEAVE / lift, pitch, roll, _HEADING / yaw_rate)
-        ahead, back = on_law(vehicle, given, _VELOCITY / self.gravity, _POSITION, _HEIGHT)
+        roll, pitch = (ATTITUDE / np.diagonal(rates)).tolist()
+        given = (-HEAVE / lift, pitch, roll, HEADING / yaw_rate)
+        ahead, back = on_law(vehicle, given, VELOCITY / self.gravity, POSITION, HEIGHT)
         heave, _, _, heading = (given / back).tolist()
         if (back[1], back[2]) != (pitch, roll):  # a law that hasn't the gyro's coupling
-            rates = np.diag(_ATTITUDE / back[2:0:-1])
+            rates = np.diag(ATTITUDE / back[2:0:-1])
         self._to_cyclic, self._ahead = np.linalg.inv(rates), (ahead - back)[2:0:-1]
         self._tilt, self._centre = _END / max(1e-9, *np.abs(self._ahead)), np.array(centre)
         self._lift, self._yaw_rate = lift * heave, yaw_rate * heading
@@ -212,31 +212,31 @@ class OuterLoop:
         return _limited(col, _END), *self._cyclic_and_pedal(seen.motion, wanted, phi, theta)
 
     def _col(self, seen: Sight, wanted: Wanted, seconds: float) -> float:
-        catch_up = _HEIGHT * (wanted.down - seen.motion.down) if wanted.holds_height else 0.0
+        catch_up = HEIGHT * (wanted.down - seen.motion.down) if wanted.holds_height else 0.0
         off = wanted.down_rate + _limited(catch_up, _CATCH_UP_VERTICALLY) - seen.down_rate
         upright = max(0.5, math.cos(seen.motion.phi) * math.cos(seen.motion.theta))
-        lift = self.gravity * (1.0 / upright - 1.0) - (_HEAVE * off + self._down) / upright
+        lift = self.gravity * (1.0 / upright - 1.0) - (HEAVE * off + self._down) / upright
         col = self.collective + lift / self._lift
         if abs(col) < _END or off * (col - self.collective) > 0.0:  # it doesn't wind up
-            self._down += seconds * _HEAVE * _LIFTING * off
+            self._down += seconds * HEAVE * _LIFTING * off
         return col
 
     def _attitude(self, seen: Sight, wanted: Wanted, seconds: float) -> tuple[float, float]:
         north_off, east_off = wanted.north_rate - seen.north_rate, wanted.east_rate - seen.east_rate
         if wanted.holds_place:
             far = (wanted.north - seen.motion.north, wanted.east - seen.motion.east)
-            share = min(1.0, _CATCH_UP / max(1e-9, _POSITION * math.hypot(*far)))
-            north_off += share * _POSITION * far[0]
-            east_off += share * _POSITION * far[1]
-        north = wanted.north_acceleration + _VELOCITY * north_off + self._north
-        east = wanted.east_acceleration + _VELOCITY * east_off + self._east
+            share = min(1.0, _CATCH_UP / max(1e-9, POSITION * math.hypot(*far)))
+            north_off += share * POSITION * far[0]
+            east_off += share * POSITION * far[1]
+        north = wanted.north_acceleration + VELOCITY * north_off + self._north
+        east = wanted.east_acceleration + VELOCITY * east_off + self._east
         cosine, sine = math.cos(seen.motion.psi), math.sin(seen.motion.psi)
         ahead, right = cosine * north + sine * east, cosine * east - sine * north
         most = self.gravity * math.tan(min(wanted.tilt, self._tilt))
         share = min(1.0, most / max(1e-9, math.hypot(ahead, right)))
         if share == 1.0:
-            self._north += seconds * _VELOCITY * _TRIMMING * north_off
-            self._east += seconds * _VELOCITY * _TRIMMING * east_off
+            self._north += seconds * VELOCITY * _TRIMMING * north_off
+            self._east += seconds * VELOCITY * _TRIMMING * east_off
         theta = self._theta - math.atan(share * ahead / self.gravity)
         return self._phi + math.atan(share * right / self.gravity * math.cos(theta)), theta
 
@@ -245,9 +245,9 @@ class OuterLoop:
     ) -> tuple[float, float, float]:
         psi_off = math.remainder(wanted.heading - now.psi, 2.0 * math.pi)
         fastest = _YAW_SHARE * _END * abs(self._yaw_rate)
-        psi_rate = _limited(wanted.turning + _HEADING * psi_off, fastest)
-        phi_rate = _limited(_ATTITUDE * (phi - now.phi), _TURN)
-        theta_rate = _limited(_ATTITUDE * (theta - now.theta), _TURN)
+        psi_rate = _limited(wanted.turning + HEADING * psi_off, fastest)
+        phi_rate = _limited(ATTITUDE * (phi - now.phi), _TURN)
+        theta_rate = _limited(ATTITUDE * (theta - now.theta), _TURN)
         level, sine, cosine = math.cos(now.theta), math.sin(now.phi), math.cos(now.phi)
         p = phi_rate - psi_rate * math.sin(now.theta)
         q = theta_rate * cosine + psi_rate * level * sine

@@ -46,7 +46,7 @@ from helisim.vehicle.trim import FLIPS, Motion, Trim
 
 MISSIONS: dict[str, type["Mission"]] = {}
 """Every mission by the name of its class; subclasses join on their definition."""
-_TICK = 0.02  # s between two looks of the pilot, as of a radio link: 50 Hz
+TICK = 0.02  # s between two looks of the pilot, as of a radio link: 50 Hz
 _LOST = 1.4  # rad, of roll or pitch, beyond which a script is not asked any more
 _AIRBORNE = 0.05  # m, of clearance from which on a helicopter has been in the air
 
@@ -131,7 +131,7 @@ class ScriptedPilot:
         """Take the sticks of a model with pilot and weather; data are as the flight begins."""
         self.failure: Failure | None = None
         self._touched, self._contact = False, data.sensor("contact").data
-        every = max(1, round(_TICK / model.opt.timestep))
+        every = max(1, round(TICK / model.opt.timestep))
         felt = () if ground is None else ((1, self._feel),)
         self.commands = (*felt, (every, self._tick))
         level = ground is None or (ground.deck is None and ground.slope == 0.0)
@@ -202,12 +202,10 @@ class ScriptedPilot:
         angles = math.atan2(zy, zz), -math.asin(min(1.0, max(-1.0, zx))), math.atan2(yx, xx)
         v_north, v_east, v_down = flip(*data.qvel[:3].tolist())
         through, place = np.array((v_north, v_east, v_down)) @ turn, flip(*data.qpos[:3].tolist())
-        rates = flip(*data.qvel[3:6].tolist())
-        motion = Motion(*map(float, (*through, *rates, *angles, *place)))
+        motion = Motion(*map(float, (*through, *flip(*data.qvel[3:6].tolist()), *angles, *place)))
         points = self._points @ turn.T
         if self._uneven is None:
-            lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
-            clearance = -motion.down - lowest
+            clearance = -motion.down - float((points[:, 2] + self._radii).max(initial=-math.inf))
         else:
             points += place
             above = self._uneven.heights(np.array([data.time]), points[None])[0]

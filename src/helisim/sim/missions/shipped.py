@@ -129,8 +129,7 @@ class Autorotation(Mission):
         wanted.collective = max(self._governed(pilot), pilot.carrying_collective(needed))
 
     def _governed(self, pilot: Autopilot) -> float:
-        off = pilot.seen.rotor_speed - self.rotor_speed
-        return max(_LOWEST, _WINDMILL + _SPEED_GAIN * off)
+        return max(_LOWEST, _WINDMILL + _SPEED_GAIN * (pilot.seen.rotor_speed - self.rotor_speed))
 
 
 def _needed(seen: Sight) -> float:
