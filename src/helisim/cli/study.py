@@ -142,12 +142,14 @@ def study_campaign(o: Options) -> int:
     Options:
         file FILE  campaign file, .toml; or the folder of a dataset
         --out DIR  folder of the dataset (default: FILE's name)
+        --dask ADDRESS <maybe=>  on Dask, with this scheduler or one started here
         --jobs J <int>  workers (default: all processors)
         --by COLUMNS <names>  summarise for each value of these columns
         @quiet
 
     examples:
       helisim study campaign noise.toml                       into the folder noise/
+      helisim study campaign noise.toml --dask tcp://127.0.0.1:8786
       helisim study campaign noise --by recorder.noise        only summarise
 
     A campaign that was interrupted goes on where it stopped. Its file, TOML:
@@ -190,15 +192,16 @@ def study_campaign(o: Options) -> int:
 
 def _fly_campaign(o: Options) -> Path:
     from helisim.study.campaign import read_campaign
-    from helisim.study.executors import local
+    from helisim.study.executors import local, on_dask
     from helisim.study.replicates import run_campaign
 
     campaign = read_campaign(o.file)
+    executor = on_dask(o.dask or None, o.jobs) if o.dask is not None else local(o.jobs)
     with progress(len(campaign), o.quiet) as advance:
         path = run_campaign(
             campaign,
             o.out or o.file.with_suffix(""),
-            executor=local(o.jobs),
+            executor=executor,
             on_replicate=lambda: advance("replicate"),
         )
     print(f"Written: {path} ({len(campaign)} replicates)\n")

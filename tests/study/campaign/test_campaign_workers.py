@@ -1,6 +1,7 @@
 """Workers that die: nothing is lost, and the numbers are those of any other executor."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,11 +13,12 @@ from mortal import always_die, fail, square
 
 from helisim.base.errors import WorkerError
 from helisim.study.campaign import campaign_from
-from helisim.study.executors import local
+from helisim.study.executors import local, on_dask
 from helisim.study.replicates import run_campaign
 
 pytestmark = pytest.mark.study
 
+NO_DASK = "Dask isn't installed: pip install helisim[dask]"
 PLAN = {
     "campaign": {"replicates": 3, "models": ["yaw_base"], "flights": 1},
     "set": {"sweep": {"duration": 30}},
@@ -91,7 +93,9 @@ def runs(pid):
         return True
 
 
-def test_a_campaign_that_lost_a_worker_goes_on_to_the_same_bytes(tmp_path):
+@pytest.fixture(scope="module")
+def by_processes(tmp_path_factory) -> Path:
+    """The dataset of local processes, gone on with after one was killed."""
     killed = []
 
     def kill_one():
@@ -100,8 +104,36 @@ def test_a_campaign_that_lost_a_worker_goes_on_to_the_same_bytes(tmp_path):
             killed.append(child.pid)
             child.kill()
 
+    folder = tmp_path_factory.mktemp("processes")
     with pytest.raises(WorkerError):
-        run_campaign(plan(), tmp_path / "lost", executor=local(2), on_replicate=kill_one)
-    gone_on = run_campaign(plan(), tmp_path / "lost", executor=local(2))
-    whole = run_campaign(plan(), tmp_path / "whole", executor=local(2))
-    assert gone_on.read_bytes() == whole.read_bytes()
+        run_campaign(plan(), folder, executor=local(2), on_replicate=kill_one)
+    return run_campaign(plan(), folder, executor=local(2))
+
+
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, tmp_path):
+    distributed = pytest.importorskip("distributed", reason=NO_DASK)
+    asked = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    cluster = distributed.LocalCluster(**asked, host="127.0.0.1")
+    with cluster, distributed.Client(cluster) as client:
+        killed = []
+
+        def kill_one():
+            if not killed:
+                killed.extend(client.run(os.getpid).values())
+                os.kill(killed[0], signal.SIGKILL)
+
+        workers = on_dask(cluster.scheduler_address)
+        path = run_campaign(plan(), tmp_path, executor=workers, on_replicate=kill_one)
+        assert killed[0] not in client.run(os.getpid).values()
+    assert path.read_bytes() == by_processes.read_bytes()
+
+
+def test_a_scheduler_that_is_not_there_is_said():
+    pytest.importorskip("distributed", reason=NO_DASK)
+    from dask import config
+
+    with (
+        config.set({"distributed.comm.timeouts.connect": "1s"}),
+        pytest.raises(WorkerError, match=r"tcp://127\.0\.0\.1:9"),
+    ):
+        list(on_dask("tcp://127.0.0.1:9")(square, [1]))
