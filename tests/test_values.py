@@ -85,6 +85,7 @@ def values(jr700, tmp_path_factory):
         *(hs.Controller(tail=lagging_yaw, states=1), HOLDS, rates, rates.on(jr700)),
         hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
         hs.StateSpaceLaw(period=0.002, inputs=("p",), **matrices, d=[[0.2]] * 4),
+        hs.Airframe(mass=4.2, rotor=1.35, rpm=2100.0),
         *(hs.SampleLoss(share=0.1), hs.RecordGap(at=3.0, lasts=1.0), hs.examples()["logger"]),
         *(record, hs.screen(record), hs.screen(record).report, make_inferred()),
         *(roll, roll.parameters[0], fit, fit.data, fit["L_b"], fit.misfit, fit.modes),

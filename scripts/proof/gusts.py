@@ -24,8 +24,8 @@ import common
 import numpy as np
 from scipy.signal import cont2discrete
 
-from helisim.cli.logs import resolved_band
 from helisim.ident import Fit, Structure, frequency_response, identify
+from helisim.ident.frf import resolved_band
 from helisim.logs import screen
 from helisim.records.record import FlightRecord
 

@@ -246,7 +246,9 @@ def test_the_widest_table_fits_80_columns():
     ended = Exclusion(flight="lat_08", reason="terminated early", ended="flapping at 2.00 s " * 9)
     shown = (make_table(wide, make_row(identified=700.0)),)
     results = Results(tables=shown, seed=1, versions={}, excluded=(left, ended))
-    text = render_results(results)
+    assert "given:" not in render_results(results)
+    text = render_results(results, verbose=True)
+    assert "given: nothing" in text
     assert max(map(len, text.splitlines())) <= 80
     assert "Left out:\n- flight lat_07: its mean coherence of 0.9712 is not among the best" in text
     assert "1 missed:\n- rollpitch_in1: L_b is 700 1/s^2, 29.7 % from the truth's 539.5" in text

@@ -66,11 +66,16 @@ def written(tmp_path_factory, model):
 def test_signals_pose_and_rotor_come_back(written):
     """North, east, down, and body axes as phi, theta, psi turn them; the disc by b and a."""
     record, path, found = written
-    for (family, _), names in families(record, record.names).items():
+    for (family, unit), names in families(record, record.names).items():
         entity = found[f"/lat\\ 1/{rr.escape_entity_path_part(family)}"]
-        np.testing.assert_array_equal(numbers(entity["Scalars:scalars"]), record.select(names)[::2])
+        turns = family in ("rates", "attitude")  # in degrees, as in reports
+        values = record.select(names)[::2] * (np.rad2deg(1.0) if turns else 1.0)
+        # rounding of a factor
+        np.testing.assert_allclose(numbers(entity["Scalars:scalars"]), values, rtol=1e-15)
         np.testing.assert_array_equal(entity["time"], 20_000_000 * np.arange(len(record) // 2))
-        labels = [f"{name} [{record.unit(name)}]" for name in names]
+        moved = ("controls", "sticks", "servos", "servo positions")
+        seen = "unitised" if family in moved else unit.replace("rad", "deg") if turns else unit
+        labels = [f"{name} [{seen}]" for name in names]
         assert entity["SeriesLines:names"].ravel().tolist() == labels
     text = found["/__properties/lat\\ 1"]["provenance"].ravel()[0]
     assert json.loads(text) == json.loads(json.dumps(dict(record.provenance)))
@@ -120,7 +125,8 @@ def test_a_log_without_the_rotors_truth_and_the_models_own_geoms_are_drawn(tmp_p
     assert "/f/world/helicopter" in found
     signals = {name for name in found if name.startswith("/s/")}
     assert signals == {"/s/rates", "/s/sticks", "/s/rpm"}
-    assert numbers(found["/s/rates"]["Scalars:scalars"]).ravel().tolist() == [1.0, 4.0]
+    rates = numbers(found["/s/rates"]["Scalars:scalars"]).ravel()
+    np.testing.assert_allclose(rates, np.rad2deg([1.0, 4.0]), rtol=1e-15)
     shapes = model_shapes(model)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -146,7 +146,8 @@ def test_each_value_is_drawn_as_it_is_and_leaves_nothing_behind(shown):
     assert plt.get_fignums() == []
     data = shown["response"]
     figure = data.plot("p/lat")
-    assert titles(figure) == ["magnitude, dB (SI)", "phase, deg", "coherence"]
+    labels = ["magnitude, dB (SI)", "phase, deg", "coherence, usable from 0.6"]
+    assert titles(figure) == labels
     magnitude, phase, coherence = figure.axes
     pair = data.index("p", "lat")
     drawn = line(magnitude, "flight data")

@@ -26,6 +26,7 @@ def reproduce(o: Options) -> int:
         @seed: of pilot and sensors
         @rerun
         @set
+        --verbose  what each fit was given, too, the verification, the gyro's effect, eq. (8)
         @quiet
 
     example: helisim reproduce --out reproduction --flights 10 --seed 1
@@ -49,7 +50,7 @@ def reproduce(o: Options) -> int:
         )
         write_report(o.out, run)
         advance("report")
-    print(coloured(render_results(run.results)))
+    print(coloured(render_results(run.results, verbose=o.verbose)))
     results = f"{o.out / 'results.json'}, records in {o.out / 'flights'}"
     print_written(o, results, o.out / "report.html")
     if o.rerun is not None:
@@ -81,6 +82,7 @@ def study_recover(o: Options) -> int:
         @seed: of pilots and sensors
         @jobs
         @set
+        --verbose  what each fit was given, too
         @quiet
 
     example: helisim study recover --vehicle blade360 --flights 3
@@ -97,7 +99,7 @@ def study_recover(o: Options) -> int:
             parameters=parameters(o),
             on_progress=advance,
         )
-    print(coloured(render_results(results)))
+    print(coloured(render_results(results, verbose=o.verbose)))
     return 1 if results.misses else 0
 
 

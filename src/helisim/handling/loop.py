@@ -35,10 +35,10 @@ class Axis:
 
 
 BY_NAME = {
-    "col": Axis("col", "heave", "COL", "w", None),
-    "lon": Axis("lon", "pitch", "LON", "theta", "q"),
     "lat": Axis("lat", "roll", "LAT", "phi", "p"),
+    "lon": Axis("lon", "pitch", "LON", "theta", "q"),
     "ped": Axis("ped", "yaw", "PED", "psi", "r"),
+    "col": Axis("col", "heave", "COL", "w", None),
 }
 _BY_EITHER = BY_NAME | {one.word: one for one in BY_NAME.values()}
 

@@ -41,7 +41,7 @@ _ROUNDING = 1e-9  # relative range below which values count as constant
 
 WIDTH = 400.0  # width of a drawing in its own units
 # units around the panels: tick labels, title, the horizontal axis
-_LEFT, _RIGHT, _TITLE, _BELOW = 42.0, 8.0, 22.0, 38.0
+_LEFT, _RIGHT, _TITLE, _BELOW = 42.0, 12.0, 22.0, 38.0
 _ROW, _GAP = 17.0, 5.0
 """Units of a row of words above a panel, and of the gap below the panel before."""
 _LETTER, _SWATCH = 5.7, 20.0  # units of an average letter, and of a legend's sample

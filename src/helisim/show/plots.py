@@ -112,7 +112,7 @@ def draw_bode(
     phases = [replace(mark, label="") for mark in turned]
     models: list[tuple[FrequencyResponse | None, Look]] = [
         (identified, ("line", "identified", "identified")),
-        (truth, ("dashes", "truth", "exact")),
+        (truth, ("dashes", "truth", "truth")),
     ]
     for model, (kind, ink, label) in models:
         if model is not None:
@@ -123,8 +123,9 @@ def draw_bode(
     multiple = data.multiple_coherence[pair[0]]
     coherence = (
         Mark("line", "data", data.frequency, data.coherence[pair], label="partial", width=1.5),
-        Mark("dashes", "grey", data.frequency, multiple, label="multiple"),
+        Mark("line", "grey", data.frequency, multiple, label="multiple"),
     )
+    said = f"coherence, usable from {USABLE_COHERENCE:g}"
     over, under = data.output_units[pair[0]] or "1", data.input_units[pair[1]] or "1"
     unit = over if under == "1" else f"{over} / {under}"
     if not any(data.output_units):
@@ -134,7 +135,7 @@ def draw_bode(
         *_differences("magnitude less the identified, dB", gains, _LEAST_DB),
         Panel("phase, deg", tuple(phases), 100.0, steps=DEGREES),
         *_differences("phase less the identified, deg", phases, _LEAST_DEG),
-        Panel("coherence", coherence, 58.0, (0.5,), (0.0, 1.04), threshold=USABLE_COHERENCE),
+        Panel(said, coherence, 58.0, (0.5,), (0.0, 1.04), threshold=USABLE_COHERENCE),
     )
     title = f"{output} / {input_}"
     return Drawing(name, title, caption, panels, "frequency, rad/s", True, used)

@@ -29,7 +29,7 @@ from helisim.base.files import atomic_write
 from helisim.physics.motion import flip
 from helisim.records.record import ATTITUDES, POSITIONS, FlightRecord
 from helisim.records.record import LOAD as LOAD_CHANNELS
-from helisim.show.plots import families
+from helisim.show.plots import families, values_for_people
 from helisim.show.viewer import SLOWED, drawn_tilt
 from helisim.sim.ground import Ground
 from helisim.vehicle.slung import HOOK, LOAD, own_centre, own_parts
@@ -213,10 +213,12 @@ def _log_flight(
     seen = FlightRecord(record.time[every], record.values[every], record.channels, provenance)
     for (family, _), names in families(record, record.names).items():
         entity = f"{root}/{rr.escape_entity_path_part(family)}"
-        labels = [f"{channel} [{record.unit(channel)}]" for channel in names]
+        shown = [values_for_people(one, seen[one], record.unit(one)) for one in names]
+        labels = [f"{channel} [{unit}]" for channel, (_, unit) in zip(names, shown)]
         inks = [_INKS[k % len(_INKS)] for k in range(len(names))]
         recording.log(entity, rr.SeriesLines(names=labels, colors=inks), static=True)
-        _send(recording, entity, seen.time, rr.Scalars.columns(scalars=seen.select(names)))
+        scalars = np.column_stack([values for values, _ in shown])
+        _send(recording, entity, seen.time, rr.Scalars.columns(scalars=scalars))
     reached = provenance.get("reached")
     if isinstance(reached, Mapping) and reached.get("phases"):
         times, texts = zip(*sorted(reached["phases"]))

@@ -204,7 +204,7 @@ def _bode(run: Run, folder: Path) -> str:
     lead = (
         "Dots: estimated from the flights, hollow where the coherence is below "
         f"{USABLE_COHERENCE:g}, with bars of two random errors. Solid: the identified model. "
-        "Dashed: the exact response of the model that flew. Grey ground: not used by the fit. "
+        "Dashed: the truth, exact of the model that flew. Grey ground: not used by the fit. "
         "Where the lines meet, what lies apart is below, on its own scale. The folder figures/ has "
         "each as a file."
     )

@@ -1,6 +1,7 @@
 """Printed texts of commands: tables and sentences in 80 columns."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from helisim.records.record import IN1
@@ -28,15 +29,16 @@ _UNITS = {
 _ZERO_POLE = 1e-6  # rad/s, below which poles are integrals, such as position and heading
 
 
-def render_results(results: Results) -> str:
-    """Return tables, other findings, exclusions and missed tolerances."""
+def render_results(results: Results, *, verbose: bool = False) -> str:
+    """Return tables, what was left out and missed; if `verbose` with notes and all else found."""
     shown = [tables.comparison(table) for table in results.tables]
     others: dict[Callable[[Any], Table], Any] = {
         tables.verification: results.verification,
         tables.gyro_changes: results.gyro_effect,
         tables.overall: results.eq_8,
     }
-    shown += [tabled(found) for tabled, found in others.items() if found]
+    more = [tabled(found) for tabled, found in others.items() if found]
+    shown = [*shown, *more] if verbose else [replace(one, notes=()) for one in shown]
     blocks = [as_text(table) for table in shown]
     if results.excluded:
         blocks.append(_list("Left out:", [one.message for one in results.excluded]))

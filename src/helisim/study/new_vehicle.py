@@ -45,7 +45,7 @@ from helisim.vehicle.parameters import (
     vehicle_names,
 )
 from helisim.vehicle.rate_command import STARTS, tune_rate_command
-from helisim.vehicle.swashplate import INERTIA, REDUCTION, changed, lock_number, stated, with_both
+from helisim.vehicle.swashplate import INERTIA, REDUCTION, lock_number, stated, with_both
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
 _WIDTH = 98
@@ -271,7 +271,7 @@ def _estimated(own: Parameters, like: str, airframe: Airframe) -> Parameters:
     ratios, known = airframe.ratios(own), airframe.parameters(own)
     scaled = {name: ratios.of(name, own.entry(name).unit) * own[name] for name in own}
     fixed = {name: value for name, value in scaled.items() if value != own[name]}
-    new = changed(own, fixed | known).entries()
+    new = own.replace(fixed | known).entries()  # at one flapping frequency its couplings stay
     for name, one in new.items():
         origin = "given" if name in known else f"estimated: as {like}"
         if name not in known and one.value != own[name]:
