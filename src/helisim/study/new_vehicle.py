@@ -92,19 +92,18 @@ class Airframe(Checked):
             self.rpm * RAD_S_PER_RPM / other["main_rotor.speed"],
         )
 
-    def parameters(self, other: Mapping[str, float]) -> dict[str, float]:
+    def parameters(self) -> dict[str, float]:
         """Return the parameters that are known, by name, SI."""
-        turns = self.tail_ratio or other["tail_rotor.speed"] / other["main_rotor.speed"]
-        quick = (self.servo or 0.0) / _SERVO
+        speed, quick = self.rpm * RAD_S_PER_RPM, (self.servo or 0.0) / _SERVO
         known = {
             "airframe.mass": self.mass,
             "main_rotor.radius": 0.5 * self.rotor,
-            "main_rotor.speed": self.rpm * RAD_S_PER_RPM,
+            "main_rotor.speed": speed,
             "main_rotor.blades": self.blades,
             "main_rotor.chord": self.chord,
             "tail_rotor.radius": self.tail_rotor and 0.5 * self.tail_rotor,
             "tail_rotor.chord": self.tail_chord,
-            "tail_rotor.speed": self.rpm * RAD_S_PER_RPM * turns,
+            "tail_rotor.speed": self.tail_ratio and self.tail_ratio * speed,
             "tail_rotor.arm_x": self.tail_arm and -self.tail_arm,
             "servo.rate_limit": quick and _SERVO_RATE / quick,
             "servo.swash_frequency": quick and _SERVO_FREQUENCY / quick,
@@ -140,6 +139,7 @@ _GROWTH = {
     "drive.inertia": _BLADES,
     "N m/rad": (0.0, 5.0, 2.0),
     "drive.power_speed": _SPEED,
+    "tail_rotor.speed": _SPEED,
     "rad/s/V": _SPEED,
     "N m": (1.5, -1.0, -1.0),
     "ohm": (-1.5, 1.0, 0.0),
@@ -268,7 +268,7 @@ def _texts(source: Path, name: str, airframe: Airframe | None) -> dict[str, str]
 
 def _estimated(own: Parameters, like: str, airframe: Airframe) -> Parameters:
     """Return a vehicle's parameters with an airframe's mass, size and speed, and those known."""
-    ratios, known = airframe.ratios(own), airframe.parameters(own)
+    ratios, known = airframe.ratios(own), airframe.parameters()
     scaled = {name: ratios.of(name, own.entry(name).unit) * own[name] for name in own}
     fixed = {name: value for name, value in scaled.items() if value != own[name]}
     new = own.replace(fixed | known).entries()  # at one flapping frequency its couplings stay
