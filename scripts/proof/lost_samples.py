@@ -82,6 +82,7 @@ def fits(log: Path) -> dict[str, Fit]:
     return {
         fit.structure: identify(frf, structures.named(fit.structure), band=fit.band)
         for fit, frf in zip(found.fits, estimate_fits(records, found.fits))
+        if not fit.structure.startswith("tf:")  # of other parameters than a vehicle's
     }
 
 
