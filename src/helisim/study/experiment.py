@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -93,7 +94,7 @@ def reproduce(
         "timestep": timestep,
         "rotor": rotor,
     }
-    thread_count(jobs)  # refused before anything is made
+    threads = thread_count(jobs)  # refused before anything is made
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     if out is not None:
         make_folder(out / FLIGHTS)
@@ -105,8 +106,8 @@ def reproduce(
     recorder = replace(recorder, lever_arm=(x, y, z))
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
     doublets = _fly_doublets(vehicle, seed, recorder, out)
-    with one_blas_thread():
-        estimated = [frequency_response(model, kept) for model in MODELS]
+    with one_blas_thread(), ThreadPoolExecutor(threads) as pool:
+        estimated = [*pool.map(partial(frequency_response, flights=kept), MODELS)]
     tables: dict[str, ComparisonTable] = {}
     models: list[IdentifiedModel] = []
     for model, response in zip(MODELS, estimated):
