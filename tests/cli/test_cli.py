@@ -109,7 +109,9 @@ def test_margins_need_no_option_of_a_record_and_names_of_other_columns(record, t
     words = ["--time", "t:ms", "--channel", "dither=dither:1", "--channel", "mixer=mixer:1:sign=-1"]
     given = ["--axis", "roll", "--injected", "dither", "--total", "mixer", "--band", "4", "9"]
     json_ = ["--json", str(out), "--quiet"]
-    assert main(["margins", str(path), *words, *given, *json_]) == 0
+    page = tmp_path / "loops.html"
+    assert main(["margins", str(path), *words, *given, *json_, "--report", str(page)]) == 0
+    assert "Broken loop, " in page.read_text()
     figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
     assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
     assert "gain margin of lat at actuators isn't within" in capsys.readouterr().out

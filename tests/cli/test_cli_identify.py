@@ -36,7 +36,10 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
     headings = ["t [s]", "col [1]", "w [m/s]"]
     write_foreign(other, headings, time, [*inputs.T, *outputs.T], delimiter="|")
     capsys.readouterr()
-    assert main(["verify", str(model), str(other), "--json", str(figures)]) == 0
+    page = tmp_path / "verified.html"
+    written = ["--json", str(figures), "--report", str(page)]
+    assert main(["verify", str(model), str(other), *written]) == 0
+    assert "Verification in the time domain" in page.read_text()
     assert "acceptable" in capsys.readouterr().out
     assert json.loads(figures.read_text())["tic"] < 0.05
     written = ["--segment", "5", "--json", str(figures)]

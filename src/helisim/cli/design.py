@@ -134,6 +134,7 @@ def margins(o: Options) -> int:
         --late NAME=S <many>  lateness of a channel's record, s; repeatable
         options:
         @json: the figures
+        --report FILE <.html>  page with the loops, .html
         @quiet
 
     example:
@@ -174,6 +175,10 @@ def margins(o: Options) -> int:
         print(f"{describe(logs)}\n")
         print_loops(None, measured)
     write_data(o, {**measured.to_dict(), "logs": said})
+    if o.report is not None:
+        from helisim.show.report import write_margins_report
+
+        print_written(o, write_margins_report(o.report, measured))
     return 0 if measured.figures else 1
 
 

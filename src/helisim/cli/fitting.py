@@ -35,7 +35,7 @@ from helisim.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from helisim.ident import Fit, FrequencyResponse, Structure
+    from helisim.ident import Fit, FrequencyResponse, Structure, Verification
     from helisim.logs import Log
     from helisim.look.systemid import Inferred, InferredFit
 
@@ -176,14 +176,26 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
         if causes:
             print(wrapped("\n".join(["likely causes, by what the data show:", *causes]), indent=4))
     write_data(o, {**fit.to_dict(), "logs": reports(logs)}, json)
-    if report is not None:
-        from helisim.show.report import write_fit_report
-
-        named = {f"record {k}": record for k, record in enumerate(records_of(logs), 1)}
-        with progress(len(named), o.quiet, unit="record") as advance:
-            write_fit_report(report, fit, records=named, on_progress=advance)
-    print_written(o, report)
+    _report(o, report, fit, logs)
     return _STATUS[fit.verdict.word]
+
+
+def _report(
+    o: Options,
+    path: Path | None,
+    fit: "Fit",
+    logs: "Sequence[Log]",
+    verification: "Verification | None" = None,
+) -> None:
+    """Write a fit's page, if one is asked for, and print where."""
+    if path is None:
+        return
+    from helisim.show.report import write_fit_report
+
+    named = {f"record {k}": record for k, record in enumerate(records_of(logs), 1)}
+    with progress(len(named), o.quiet, unit="record") as advance:
+        write_fit_report(path, fit, records=named, verification=verification, on_progress=advance)
+    print_written(o, path)
 
 
 def _beside(fit: "Fit", direct: "FrequencyResponse", o: Options) -> str:
@@ -351,6 +363,7 @@ def verify(o: Options) -> int:
         --segment S  segments, s, each from a state of its own (default: for unstable models, in
             which errors double three times at most)
         @json: the figures
+        --report FILE <.html>  page with the flights and their predictions, .html
         @quiet
 
     example:
@@ -387,6 +400,7 @@ def verify(o: Options) -> int:
     made = made_by("verification", fit=fit.provenance)
     said = {"model": str(o.model), "logs": reports(logs), "provenance": made}
     write_data(o, {**verification.to_dict(), **said})
+    _report(o, o.report, fit, logs, verification)
     return 0 if verification.acceptable else 1
 
 

@@ -1,14 +1,18 @@
 """Self-contained reports of a run and of a fit."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from helisim.base.files import make_folder
+from helisim.handling.loop import NoResponse, axis_of
+from helisim.handling.measured.margins import MeasuredMargins
 from helisim.ident import USABLE_COHERENCE, Fit, Verification
 from helisim.ident.fitted import meanings
 from helisim.ident.result import CORRELATION_LIMIT
 from helisim.records.record import FlightRecord
 from helisim.show import page, tables
+from helisim.show.charts import draw_loops
 from helisim.show.figure import Drawing
 from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs_of
@@ -84,6 +88,25 @@ def write_fit_report(
     ]
     title = f"Identified model: {fit.structure.name}"
     return page.write_page(Path(path), title, sections, paragraph(lead))
+
+
+def write_margins_report(path: str | Path, found: MeasuredMargins) -> Path:
+    """Write a report of measured loops and return its path. Raises StorageError."""
+    loops = []
+    for cut in found.loop.used:
+        with suppress(NoResponse):
+            title = f"Broken loop, {axis_of(cut.axis).word}, cut at the {cut.at}"
+            curve = found.loop.broken(cut.axis, cut.at)
+            loops.append(draw_loops(f"loop_{cut.axis}_{cut.at}", title, {"flown": curve}))
+    sections = [
+        ("figures", "Figures", page.table(tables.measured_margins(found))),
+        ("loops", "Broken loops, with intervals of 95 %", page.figures(loops)),
+        ("remarks", "What is to be known of them", page.bullets(found.remarks)),
+    ]
+    lead = "Measured in flight, without a model; the intervals hold what the records leave open."
+    return page.write_page(
+        Path(path), "Margins and disturbance rejection", sections, paragraph(lead)
+    )
 
 
 def _sections(run: Run, folder: Path) -> list[Section]:
