@@ -48,7 +48,7 @@ def test_a_controller_of_ones_own_flies(run):
 def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
     printed = run("own_vehicle.py", "myheli", 2)
     assert "myheli: All is well." in printed
-    assert "tip speed               125.6 m/s" in printed
+    assert "tip speed               125.7 m/s" in printed
     assert (tmp_path / "myheli" / "README.md").is_file()
     found = [line.replace(",", "").split() for line in printed.splitlines() if "truth:" in line]
     for _, _, truth, _, identified in found:
