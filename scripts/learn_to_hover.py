@@ -5,7 +5,9 @@
 PPO flies 64 helicopters at once for so many minutes (default: 5), by the four servos of the bare
 helicopter without a gyro, and by the sticks with it. Its learning curves are printed and drawn
 (`curve.png`), and its policies kept (`servos.zip`, `sticks.zip`), in FOLDER (default: hover). Then
-all hover from 64 starts that none has met. It needs `pip install stable-baselines3`.
+all hover from 64 starts that none has met, and the policy by the servos is filmed as it comes back
+from 2.5 m (`servos.webp`). It needs `pip install stable-baselines3`; without a screen set
+`MUJOCO_GL=egl`.
 """
 
 import sys
@@ -18,6 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import torch
 from fly_in_gymnasium import agent
+from PIL import Image
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
@@ -80,6 +83,22 @@ def flown(act: Callable[[np.ndarray], np.ndarray], settings: dict) -> str:
     return f"{score.mean():8.1f}{0.02 * frames.mean():10.2f}{off.mean():10.2f}"
 
 
+def filmed(policy: PPO, path: Path) -> None:
+    """Draw nine seconds of a policy by the servos, from a start 2.5 m off."""
+    shown = {"render_mode": "rgb_array", "width": 400, "height": 260}
+    env = gymnasium.make("helisim/Hover-v0", **shown, **SETTINGS["servos"])
+    seen, _ = env.reset(seed=2, options={"motion": {"north": -2.0, "east": 1.5}})
+    pictures = []
+    for frame in range(450):
+        seen, *_ = env.step(policy.predict(seen, deterministic=True)[0])
+        if frame % 3 == 0:
+            pictures.append(Image.fromarray(env.render()))
+    env.close()
+    pictures[0].save(
+        path, save_all=True, append_images=pictures[1:], duration=60, loop=0, quality=50
+    )
+
+
 def main(minutes: float = 5.0, folder: str = "hover") -> None:
     """Train, print, draw, keep, compare."""
     torch.set_num_threads(1)
@@ -106,6 +125,7 @@ def main(minutes: float = 5.0, folder: str = "hover") -> None:
     print(f"{'':34}{'return':>8}{'s of 10':>10}{'m off':>10}")
     for name, (action, act) in agents.items():
         print(f"{name:34}{flown(act, SETTINGS[action])}")
+    filmed(PPO.load(path / "servos.zip", device="cpu"), path / "servos.webp")
 
 
 if __name__ == "__main__":
