@@ -193,15 +193,17 @@ def test_a_dead_sensor_is_cut_out_on_request():
     assert len(before) + len(after) == TIME.size - 151
 
 
-def test_lost_samples_are_filled_and_a_record_says_which():
+def test_lost_samples_are_counted_and_a_record_says_which():
     kept = np.ones(TIME.size, dtype=bool)
     kept[[100, 2000, 2001, 2002]] = False
     kept[3000:3100] = False
     record = made()
     lossy = FlightRecord(TIME[kept], record.values[kept], record.channels, {})
     log = screen(lossy, resample_hz=100.0, repair="gaps")
-    assert kinds(log) == ["gap"]
-    (gap,) = log.report.findings
+    assert kinds(log) == ["lost samples", "gap"]
+    lost, gap = log.report.findings
+    assert lost.count == 4
+    assert "4 samples were lost in 2 places" in lost.text
     assert gap.count == 1
     first, second = log.records[0].provenance["missing"]["p"]
     assert np.ravel([first, second]) == pytest.approx([1.0, 1.0, 20.0, 20.02])
@@ -213,6 +215,9 @@ def test_lost_samples_are_filled_and_a_record_says_which():
         _ = lossy.sample_time
     with pytest.raises(RecordError, match="resample the log"):
         screen(lossy, repair="gaps").check_uniform()
+    assert said(screen(lossy, repair="gaps").report.findings[0]) == "--resample 100"
+    time = np.cumsum(np.random.default_rng(2).uniform(0.005, 0.015, TIME.size))
+    assert kinds(screen(made(time=time), resample_hz=100.0)) == []  # no steady recorder
 
 
 def test_foreign_logs_are_screened_too(tmp_path):

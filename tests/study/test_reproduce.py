@@ -283,7 +283,7 @@ def shift(fit, good):
         # single samples are interpolated: nothing of the sweep is lost
         pytest.param((SPIKES,), {"spikes"}, 0.2, marks=pytest.mark.slow),
         # a sweep that is cut loses frequencies, and what is left scatters by its own error
-        ((SPIKES, DEAD, LOSS, GAP), {"spikes", "frozen", "gap"}, 2.0),
+        ((SPIKES, DEAD, LOSS, GAP), {"spikes", "frozen", "lost samples", "gap"}, 2.0),
     ],
 )
 def test_a_screened_record_gives_the_model_that_it_should(

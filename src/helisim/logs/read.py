@@ -27,7 +27,7 @@ from helisim.logs.mapping import (
 )
 from helisim.logs.report import OURS, Findings, Log, LogReport
 from helisim.logs.resample import cut
-from helisim.logs.screening import Channels, implausible, screened
+from helisim.logs.screening import Channels, implausible, note_lost_samples, screened
 from helisim.logs.source import Source, file_digest
 from helisim.logs.tables import ARRAYS, ArrayLog, ParquetLog, TextLog
 from helisim.logs.timing import (
@@ -324,6 +324,8 @@ def _assembled(
     if options.resample_hz is None:
         options = replace(options, resample_hz=common_rate(stretches, options, findings))
     every = [one for stretch in stretches for one in stretch]
+    for one in every:
+        note_lost_samples(one, options, findings)
     made = [cut(stretch, options, findings) for stretch in stretches]
     parts = [part for found, _ in made for part in found]
     findings.check()

@@ -13,11 +13,12 @@ from helisim.base.note import Option
 from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
-from helisim.logs.timing import Options, Samples
+from helisim.logs.timing import GAP, Options, Samples
 from helisim.records.quality import frozen_runs, spikes
 from helisim.records.record import IN1, IN2, RATES
 from helisim.records.turning import ANGLES, slope_matrix
 
+_REGULAR = 0.01  # largest error of a steady recorder's step, of the median step
 _SAME = 0.1  # largest error of a ratio that is a unit's, in its logarithm
 _SCALE = 0.25  # of a rate over its angle's slope, in the logarithm: less is not reported
 _LEAST_ANGLE = 0.01  # rad, rms, of any excited flight's attitude in radians
@@ -63,6 +64,27 @@ def screened(
             findings.note(kind, text, len(rows), rows, repaired=asked, remedy=remedy)
             values[bad, k] = np.nan if asked else values[bad, k]
     return replace(samples, values=values)
+
+
+def note_lost_samples(samples: Samples, options: Options, findings: Findings) -> None:
+    """Note how many samples a steady recorder lost, gaps apart; `samples` are in order."""
+    steps = np.diff(samples.time)
+    median = float(np.median(steps)) if steps.size else 0.0
+    steady = np.abs(steps - median) <= _REGULAR * median
+    if median <= 0.0 or np.count_nonzero(steady) < 0.5 * steps.size:
+        return
+    missing = np.rint(steps / median).astype(np.int64) - 1
+    short = (missing > 0) & (steps <= GAP * median)
+    short &= np.abs(steps - (missing + 1) * median) <= _REGULAR * median
+    if short.any():
+        rows, count = tuple(samples.rows[1:][short].tolist()), int(np.sum(missing[short]))
+        filled = options.resample_hz is not None
+        text = (
+            f"{samples.counts} {rows[0]}: {count} samples were lost in {len(rows)} places; "
+            f"{'they count as missing' if filled else 'resample the log'}"
+        )
+        remedy = "" if filled else f"resample={float(f'{1.0 / median:.3g}'):g}"
+        findings.note("lost samples", text, count, rows, repaired=filled, remedy=remedy)
 
 
 class Channels(NamedTuple):

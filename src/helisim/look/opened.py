@@ -25,7 +25,7 @@ _ATTEMPTS = 4  # readings, each with the options that the last one asked for
 _FASTEST = 200.0  # Hz, at which channels of several clocks are looked at, at most
 _SHOWN = 8  # unused columns that are printed
 _BEST = 4  # responses to a control that are printed
-_QUIET = ("spikes", "frozen", "event")  # findings that are only noted
+_QUIET = ("spikes", "frozen", "lost samples", "event")  # findings that are only noted
 
 
 @dataclass(frozen=True)
