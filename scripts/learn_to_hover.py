@@ -25,7 +25,6 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-import helisim.gym  # noqa: F401  (registers the environments)
 from helisim.gym.stable_baselines import Helicopters
 
 HELICOPTERS = 64

@@ -115,6 +115,10 @@ def test_a_learner_of_stable_baselines_sees_what_the_vector_environment_gives():
             assert infos[2]["TimeLimit.truncated"]
         else:
             assert np.array_equal(seen, expected)
+    with pytest.raises(InputError, match="not later"):
+        learners.set_attr("authority", 0.1)
+    with pytest.raises(InputError, match="call render of `envs`"):
+        learners.env_method("render")
     learners.close()
     many.close()
 

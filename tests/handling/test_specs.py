@@ -106,7 +106,7 @@ def test_an_own_criterion_is_read_from_a_file(tmp_path):
         most: float
         name = "slowness"
         source = "this test"
-        units = {"slowness": "s"}  # noqa: RUF012
+        units = {"slowness": "s"}  # noqa: RUF012  (as a user writes it)
 
         def rate(self, loop):
             found = 1.0 / abs(loop.poles).min()

@@ -21,7 +21,7 @@ import autopilot_logs
 from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
 from helisim.cli import parser
 from helisim.cli.logs import command_line
-from helisim.logs import Clock, Column, Layout, Log, Map, read_log  # noqa: F401
+from helisim.logs import Clock, Column, Layout, Log, Map, read_log  # noqa: F401  (rows name them)
 from helisim.logs import ulog as module
 from helisim.look import look
 from tabled import tabled

@@ -54,9 +54,9 @@ def test_a_record_can_not_be_changed_and_its_sample_time_needs_uniform_samples()
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
     with pytest.raises(TypeError):
-        record.provenance["seed"] = 5  # type: ignore[index]
+        record.provenance["seed"] = 5
     with pytest.raises(AttributeError):
-        record.time = values  # type: ignore[misc]
+        record.time = values
     assert make_record().sample_time == pytest.approx(0.01, rel=1e-12)  # rounding of a mean
     assert make_record().duration == pytest.approx(0.04, rel=1e-12)
     with pytest.raises(RecordError, match=r"step after row 2 is 0\.02 s"):

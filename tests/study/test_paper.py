@@ -562,6 +562,7 @@ def test_an_airframe_of_half_the_size_is_dynamically_similar(tmp_path, monkeypat
     assert half.parameters.entry("airframe.mass").source == "given"
     assert half.parameters.entry("airframe.ixx").source == "estimated: 0.2 of large, in proportion"
     assert half.parameters.entry("main_rotor.twist").source == "estimated: as large"
+    assert half.parameters.get("targets.N_r") is None
     assert not any(name.startswith("targets.") for name in half.parameters)
     assert main(["vehicle", "calibrate", "large", "--write", "--quiet"]) == 0  # for that air
     found, wanted = half.derivatives, load(large).derivatives

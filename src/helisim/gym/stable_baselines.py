@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv  # pyright: ignore[reportMissingImports]
 
+from helisim.base.errors import InputError
 from helisim.gym.environments import HelicopterVectorEnv
 
 
@@ -63,11 +64,11 @@ class Helicopters(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refuse: settings are given when the environment is made."""
-        raise NotImplementedError("settings are given when the environment is made")
+        raise InputError("settings are given when the environment is made, not later")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
         """Refuse: one environment flies all."""
-        raise NotImplementedError("one environment flies all: see `envs`")
+        raise InputError(f"one environment flies all: call {method_name} of `envs`")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """Say that none is wrapped."""

@@ -375,8 +375,8 @@ class DataFlash:
         fewer = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
         return [
             *(LogFinding("format", text) for text in lost),
-            *[LogFinding("corruption", skipped)] * bool(self.skipped),
-            *[LogFinding("dropped", fewer, count=dropped)] * bool(dropped),
+            *([LogFinding("corruption", skipped)] if self.skipped else ()),
+            *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
         ]
 
 

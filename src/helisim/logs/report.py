@@ -172,10 +172,13 @@ class LogReport(Value):
         lines = [
             f"{self.path}: {self.format}, {self.samples} samples, {total:.4g} s, "
             f"step {middle:.4g} s (from {low:.4g} to {high:.4g} s)",
-            *computed * (self.format != OURS),
-            *[f"  resampled to {self.resampled_hz or 0.0:g} Hz, {filtered}"]
-            * (self.resampled_hz is not None),
-            *[f"  {len(self.parts)} records, the first of them:", *parts] * (len(self.parts) > 1),
+            *(computed if self.format != OURS else ()),
+            *(
+                [f"  resampled to {self.resampled_hz:g} Hz, {filtered}"]
+                if self.resampled_hz
+                else ()
+            ),
+            *([f"  {len(self.parts)} records, the first of them:", *parts] if parts[1:] else ()),
             *(f"  {'repaired' if one.repaired else 'note'}: {word(one)}" for one in self.findings),
         ]
         return "\n".join(lines)

@@ -235,7 +235,7 @@ def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
         wrong, factor = angle, channels.factor(angle) * size
     unit = channels.unit_of(wrong, factor) if like.off else None
     remedy = (channels.to_try(wrong, unit=unit, flip=flip),)
-    column, also = channels.declared[wrong].column, ", and the sign is wrong" * flip
+    column, also = channels.declared[wrong].column, ", and the sign is wrong" if flip else ""
     rules = (
         ("unit", unit is not None, f"column {column!r} is in {unit}{also}", remedy),
         ("sign", flip, f"the sign of {name} or {angle} is wrong", remedy),

@@ -73,7 +73,7 @@ class TimeTable(Source):
                 )
             name = find_column(clock.column, self.names, "column of time")
             said, ending = _said_time(name), name.lower().rpartition("_")[2]
-            known = ending * (ending in TIME_UNITS)
+            known = ending if ending in TIME_UNITS else None
             stated = clock.unit or self._unit(name) or (said and said[3]) or known
             return name, time_unit(stated) if stated else self._unit_by_steps(name)
         except InputError as error:
@@ -185,7 +185,8 @@ class TextLog(TimeTable):
         number = self._point(cell)
         if not _is_number(number):
             hint = "; if it has a decimal comma, say decimal = ',' in the map's [file]"
-            said = f"{_short(cell)} is not a number{hint * _is_number(cell.replace(',', '.'))}"
+            comma = _is_number(cell.replace(",", "."))
+            said = f"{_short(cell)} is not a number{hint if comma else ''}"
             raise StorageError(f"{self.place('time', k, name)}: {said}")
         if not math.isfinite(float(number)):
             raise RecordError(f"{self.place('time', k, name)}: {_short(cell)} is not finite")

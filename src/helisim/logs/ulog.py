@@ -58,7 +58,7 @@ def open_ulog(path: Path, digest: str) -> Topics:
     damaged = LogFinding("corruption", "the log is damaged: messages were lost")
     text = f"{count} dropouts of the logger, {lost} ms in all"
     dropouts = LogFinding("dropout", text, count=count)
-    findings = [*[damaged] * bool(log.file_corruption), *[dropouts] * bool(count)]
+    findings = [*([damaged] if log.file_corruption else ()), *([dropouts] if count else ())]
     columns: dict[str, NDArray] = {}
     topics, clocks, units = {}, {}, {}
     for one in log.data_list:

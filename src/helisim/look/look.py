@@ -235,9 +235,9 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
     options: list[tuple[str, tuple[str, ...]]] = [
         ("structure", (structure,)),
-        *[("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] * transfer,
+        *([("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] if transfer else ()),
         *(("channel", (seen[name].column.option(name).value,)) for name in columns),
-        *[("reference", (",".join(sticks),))] * bool(sticks),
+        *([("reference", (",".join(sticks),))] if sticks else ()),
         *dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options),
         *dict.fromkeys(("min_duration", (f"{SHORT * longest:.2g}",)) for longest in short),
         *(event if len(used) == 1 and event else [("band", (f"{low:.2g}", f"{high:.2g}"))]),

@@ -78,9 +78,9 @@ class LogLook:
         lines = [
             f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used",
             *map(str, self.clocks),
-            *[f"channels, as recorded: {', '.join(ours)}"] * bool(ours),
+            *([f"channels, as recorded: {', '.join(ours)}"] if ours else ()),
             *(str(one) for one in self.channels if one.why != AS_RECORDED),
-            *[f"not used: {', '.join(self.unused[:_SHOWN])}{more}"] * bool(self.unused),
+            *([f"not used: {', '.join(self.unused[:_SHOWN])}{more}"] if self.unused else ()),
             *map(str, (*self.sweeps, *self.excitations)),
             *(
                 f"coherent with {control}, rad/s (mean coherence): {', '.join(mine[:_BEST])}"

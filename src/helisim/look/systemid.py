@@ -327,8 +327,8 @@ class Inferred:
             *map(str, self.logs),
             "channels:",
             *dict.fromkeys(f"  {one}" for one in taken if one.name in used),
-            *[f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] * (_SIDE in used),
-            *[f"  there are also {', '.join(rest)}"] * bool(rest),
+            *([f"  {_SIDE} [m/s^2]: {_SIDE_WHY}"] if _SIDE in used else ()),
+            *([f"  there are also {', '.join(rest)}"] if rest else ()),
             *(
                 f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}"
                 for axis in self.injected

@@ -49,7 +49,7 @@ from helisim.vehicle.swashplate import INERTIA, REDUCTION, lock_number, stated, 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
 _WIDTH = 98
-_SERVO, _SERVO_RATE, _SERVO_FREQUENCY = 0.07, 10.0, 200.0  # s for 60 degrees; 1/s, rad/s of it
+_TURN = 60.0 / 90.0  # of a servo's range of one unit, that its speed is told for
 
 _TUNING = {
     "tuning.cyclic_bandwidth": 8.0,
@@ -94,7 +94,7 @@ class Airframe(Checked):
 
     def parameters(self) -> dict[str, float]:
         """Return the parameters that are known, by name, SI."""
-        speed, quick = self.rpm * RAD_S_PER_RPM, (self.servo or 0.0) / _SERVO
+        speed = self.rpm * RAD_S_PER_RPM
         known = {
             "airframe.mass": self.mass,
             "main_rotor.radius": 0.5 * self.rotor,
@@ -105,8 +105,7 @@ class Airframe(Checked):
             "tail_rotor.chord": self.tail_chord,
             "tail_rotor.speed": self.tail_ratio and self.tail_ratio * speed,
             "tail_rotor.arm_x": self.tail_arm and -self.tail_arm,
-            "servo.rate_limit": quick and _SERVO_RATE / quick,
-            "servo.swash_frequency": quick and _SERVO_FREQUENCY / quick,
+            "servo.rate_limit": self.servo and _TURN / self.servo,
         }
         return {name: float(value) for name, value in known.items() if value}
 
@@ -270,6 +269,8 @@ def _estimated(own: Parameters, like: str, airframe: Airframe) -> Parameters:
     """Return a vehicle's parameters with an airframe's mass, size and speed, and those known."""
     ratios, known = airframe.ratios(own), airframe.parameters()
     scaled = {name: ratios.of(name, own.entry(name).unit) * own[name] for name in own}
+    quicker = known.get("servo.rate_limit", own["servo.rate_limit"]) / own["servo.rate_limit"]
+    scaled["servo.swash_frequency"] *= quicker
     fixed = {name: value for name, value in scaled.items() if value != own[name]}
     new = own.replace(fixed | known).entries()  # at one flapping frequency its couplings stay
     for name, one in new.items():

@@ -341,7 +341,7 @@ def _weighed(
     """Give the fuselage what the parts lack of the mass, at the centre of gravity."""
     root = root_body(parts)
     own = float(parts.body_subtreemass[root])
-    wanted = dict(parameters).get("airframe.mass", own)
+    wanted = parameters.get("airframe.mass", own)
     missing = wanted - own
     if abs(missing) < _CLOSED * wanted:
         return parts
@@ -454,7 +454,7 @@ def mass_and_gravity(
         _drop_old_states(spec)
         model = spec.compile()
     own = float(model.body_subtreemass[root_body(model)])
-    return dict(given).get("airframe.mass", own), -float(model.opt.gravity[2])
+    return given.get("airframe.mass", own), -float(model.opt.gravity[2])
 
 
 def total_inertia(model: mujoco.MjModel, root: str | int) -> NDArray[np.float64]:

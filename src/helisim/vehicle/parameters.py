@@ -225,6 +225,10 @@ class Parameters(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         return self.entry(name).value
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a value, or the default where a vehicle leaves the parameter out."""
+        return self._entries[name].value if name in self._entries else default
+
     def __repr__(self) -> str:
         sections = dict.fromkeys(name.split(".")[0] for name in self)
         return f"Parameters({len(self)} of {', '.join(sections)})"
