@@ -42,7 +42,7 @@ _NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part", "missing")
 
 
 class FlagWarning(UserWarning):
-    """What is also among a response's flags."""
+    """A warning whose text is among a response's flags, too."""
 
 
 class ClosedLoopWarning(FlagWarning):

@@ -66,7 +66,7 @@ class Live:
             mujoco.mj_forward(self.model, self.data)
 
     def _begins(self) -> None:
-        """Overridden where something else is so at the beginning."""
+        """Do what a kind of flight needs before its first step: nothing here."""
 
     @property
     def pose(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:

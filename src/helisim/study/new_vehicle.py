@@ -60,7 +60,7 @@ _TUNING = {
 
 @dataclass(frozen=True, kw_only=True)
 class Airframe(Checked):
-    """What a pilot knows of a helicopter; what is None is the other's, in proportion.
+    """What a pilot knows of a helicopter; None is estimated from another one, in proportion.
 
     Attributes:
         mass: as it flies, kg.
@@ -120,8 +120,9 @@ class Ratios(NamedTuple):
     def of(self, name: str, unit: str) -> float:
         """Return by what a parameter of that unit grows.
 
-        At one flapping frequency and Lock number: blades of one lift slope have inertias as the
-        fifth power of their length. Power goes with the hover's, torque with power over speed.
+        The Lock number stays, so a blade's inertia grows with the fifth power of its length; the
+        flapping frequency stays, and the hub's spring with it. Power is that of the hover, which
+        grows with mass to 1.5 over the rotor's size; torque is power over speed.
         """
         mass, size, speed = _GROWTH.get(name) or _GROWTH.get(unit, (0.0, 0.0, 0.0))
         return self.mass**mass * self.size**size * self.speed**speed
