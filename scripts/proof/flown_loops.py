@@ -37,7 +37,7 @@ from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.margins import MeasuredMargins
 from helisim.logs.dataflash import DataFlash
-from helisim.look.loops import flown_loops
+from helisim.look.loops import flown_law, flown_loops
 from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Mixer, command_scale
@@ -205,18 +205,7 @@ def judged(log: Path, *, own: bool) -> list[str]:
     swept = [sweep for one in flown.logs.values() for sweep in one]
     start, stop = (opened.begins + one for one in (swept[0].start, swept[-1].stop))
     hover, parameters = throttle(opened, start, stop), opened.parameters()
-
-    def steady(message: str, field: str) -> float:
-        table = opened.table(message)
-        before = np.abs(table.time - start) < 1.0
-        return float(np.median(np.asarray(table[field], float)[before]))
-
-    angles = "ANG" if "ANG" in opened else "ATT"
-    law = ArduCopterLaw.of(
-        opened.parameters(at=start),
-        lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
-        steady={"lat": steady("PIDR", "I"), "lon": steady("PIDP", "I"), "ped": steady("PIDY", "I")},
-    )
+    law = flown_law(opened, start)
     plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
     table = rows(flown.margins(), plant, law)
     print(f"\nloops as flown: {log}")

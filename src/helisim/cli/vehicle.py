@@ -159,18 +159,34 @@ def vehicle_calibrate(o: Options) -> int:
 
 
 def tune(o: Options) -> int:
-    """Solve the gyro's gains from published models or a rate command.
+    """Find better gains: of an ArduPilot helicopter from its log, or of the vehicle's gyro.
 
-    Solve for the gyro's settings that give the published models from the sticks (JR700: eq. (8),
-    IN2 of Table 3), or the rate command of its parameters; print the loops' margins.
+    From logs of SystemID's sweeps: identify models, print what today's gains give and what better
+    ones will, with 95 % intervals, and write those as parameters. Without a log: solve for the
+    gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
+    or the rate command of its parameters; print the loops' margins.
 
     Options:
+        logs LOG <any>  of ArduCopter-heli with sweeps by its mode SystemID, .bin
+        --out FILE <.param .parm =tuned.param>  the new gains (default: tuned.param)
+        @json: of logs, what was found
+        without a log:
         @vehicle
         @write: tuned.toml
+        options:
         @quiet
 
-    example: helisim tune
+    examples:
+      helisim tune flight.bin           margins of today, and better gains
+      helisim tune --vehicle jr700      the gyro's settings
+
+    A gain is proposed only if gain margin (6 dB), phase margin (45 deg) and peak
+    (5 dB) hold for 95 % of the models as likely as the identified one.
+
+    Exit status 1: no axis has better gains.
     """
+    if o.logs:
+        return _tune_log(o)
     from helisim.study.tune import LOOPS, margins, tune
     from helisim.vehicle import load
     from helisim.vehicle.parameters import to_toml
@@ -187,6 +203,30 @@ def tune(o: Options) -> int:
         print(f"# {axis} {left.gain_db:6.1f} {left.phase_deg:6.1f} {left.crossover:6.1f}")
     if o.write:
         replace_parameter_file(o, "tuned.toml", text)
+    return 0
+
+
+def _tune_log(o: Options) -> int:
+    from helisim.show import tables
+    from helisim.show.table import as_text, filled
+    from helisim.study.log_tune import tune_log
+    from helisim.study.results import as_json
+
+    with progress(3, o.quiet) as advance:
+        found = tune_log(o.logs, on_step=advance)
+    for one in found.axes:
+        print(f"{as_text(tables.tuning(one))}\n")
+        if one.why:
+            print(f"{filled(f'no new gains: {one.why}')}\n")
+    if found.changes:
+        print(as_text(tables.changes(found.changes)))
+    for remark in found.remarks:
+        print(filled(remark, "- "))
+    write_data(o, as_json(found))
+    if not found.changes:
+        return 1
+    found.parameters.write(o.out)
+    print_written(o, f"{o.out}: load it by a ground station, and fly a sweep again")
     return 0
 
 

@@ -79,9 +79,9 @@ class ClosedLoop:
         )
         return Curve(self.frequency, 1.0 / sensitivity - 1.0)
 
-    def disturbance(self, axis: str) -> Curve:
-        """Return the sensed angle over a disturbance of it."""
-        moved = self._moved(self._commanded("sensors", axis), axis_of(axis).angle)
+    def disturbance(self, axis: str, place: str = "sensors") -> Curve:
+        """Return the sensed angle over a disturbance of it, at "attitude" of that without rate."""
+        moved = self._moved(self._commanded(place, axis), axis_of(axis).angle)
         return Curve(self.frequency, 1.0 + moved)
 
     def command(self, axis: str, output: str | None = None) -> Curve:
@@ -113,9 +113,9 @@ class ClosedLoop:
         match place:
             case "actuators":
                 return self._follows[:, :, self._place(axis)]
-            case "sensors":
+            case "sensors" | "attitude":
                 added = self._feedback[:, :, self._sensor(one.angle)]
-                if one.rate is not None:
+                if one.rate is not None and place == "sensors":
                     rate = self._feedback[:, :, self._sensor(one.rate)]
                     added = added + rate * (1j * self.frequency[:, None])
             case "sticks":

@@ -11,6 +11,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from helisim.base.arrays import Real
 from helisim.base.errors import LogError
+from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
@@ -94,6 +95,25 @@ def flown_loops(
         if any(one in record for record in records)
     )
     return FlownLoops(flown, tuple(records), cuts, tuple(dict.fromkeys(remarks)))
+
+
+def flown_law(log: DataFlash, start: float) -> ArduCopterLaw:
+    """Return the law that flew in the second about a time of a log, s, with its steady flight.
+
+    Raises InputError if the log lacks its parameters, LogError if its messages.
+    """
+
+    def steady(message: str, field: str) -> float:
+        table = log.table(message)
+        near = np.abs(table.time - start) < 1.0
+        return float(np.median(np.asarray(table[field], np.float64)[near]))
+
+    angles = "ANG" if "ANG" in log else "ATT"
+    return ArduCopterLaw.of(
+        log.parameters(at=start),
+        lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
+        steady={axis: steady(pid, "I") for axis, (_, pid, _) in _FIELDS.items() if pid in log},
+    )
 
 
 def _gains(log: DataFlash, start: float) -> frozenset[tuple[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from helisim.base.errors import IdentificationError
 from helisim.base.units import RAD_PER_DEG
 from helisim.handling.criteria import LoadRejection, Rating
 from helisim.handling.loop import axis_of
+from helisim.handling.measured.interval import UNITS, Interval
 from helisim.ident import USABLE_COHERENCE, Fit, FrequencyResponse, Mode
 from helisim.ident.verification import VerificationFigures
 from helisim.records.record import IN1, FlightRecord
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from helisim.sim.rigs import RigTest
     from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
     from helisim.study.errata import Erratum
+    from helisim.study.log_tune import AxisTuning, Changed
     from helisim.study.paper import Change, GyroEffect, OverallCheck
     from helisim.vehicle import Vehicle
 
@@ -324,6 +327,35 @@ def measured_margins(found: MeasuredMargins) -> Table:
         texts = numbers((value, low, high), interval_form(high - low, ".4g"))
         rows.append((one.axis, one.at, one.name.replace("_", " "), *texts, one.unit))
     return table("Measured", "axis<|cut at<|figure<|value|95 % from|to|unit<", rows)
+
+
+def tuning(shown: AxisTuning) -> Table:
+    """Return an axis's figures today and with new gains, with their intervals of 95 %."""
+    rows = [
+        (
+            _called(name).replace("_", " "),
+            *(_within(found.get(name)) for found in (shown.today, shown.tuned)),
+            UNITS.get(name, "rad/s"),
+        )
+        for name in shown.today
+    ]
+    title, source = axis_of(shown.axis).word.capitalize(), "as flown" if shown.flown else "by model"
+    return table(title, f"figure<|today, {source}|with new gains|unit<", rows)
+
+
+def _within(found: Interval | None) -> str:
+    if found is None or not isfinite(found.high - found.low):
+        return "-"
+    form = interval_form(found.high - found.low)
+    value, low, high = numbers((found.value, found.low, found.high), form)
+    return f"{value} ({low}-{high})"
+
+
+def changes(shown: Sequence[Changed]) -> Table:
+    """Return the parameters of an autopilot that change."""
+    rows = ((one.name, *numbers((one.before, one.after), ".4g")) for one in shown)
+    notes = {re.sub("_(RLL|PIT|YAW)_", "_*_", one.name): one.why for one in shown}
+    return table("New gains", "parameter<|today|new", rows, notes=notes.items())
 
 
 def design(result: DesignResult) -> Table:

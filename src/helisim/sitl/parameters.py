@@ -19,7 +19,15 @@ from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.records.record import IN1
 from helisim.sitl.aircraft import SPOOL_UP
-from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
+from helisim.sitl.gains import (
+    AHEAD,
+    FILTER_HZ,
+    GYRO_HZ,
+    INPUT_TIME,
+    LOOP_RATE,
+    Tuning,
+    tune,
+)
 from helisim.sitl.mixing import (
     CYCLIC,
     FULL_CYCLIC,
@@ -403,8 +411,9 @@ def _axis(tuning: Tuning, axis: str) -> Group:
         Setting(
             f"{own}P",
             _rounded(gains.p),
-            "with D and ATC_ANG: the least left of disturbances below 3 rad/s that keeps 8 dB, 50 "
-            "deg and a peak of 4.5 dB",
+            "with D and ATC_ANG: disturbances rejected furthest, for little noise, within "
+            f"{AHEAD.gain:g} dB, {math.degrees(AHEAD.phase):.0f} deg and a peak of {AHEAD.peak:g} "
+            "dB",
         ),
         Setting(f"{own}D", _rounded(gains.d)),
         Setting(f"{own}I", _rounded(gains.i), "half a radian a second of FF + P"),

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.base.errors import InputError, ModelError
+from helisim.base.errors import ModelError
 from helisim.base.units import DB_PER_NEPER
 from helisim.design.exact import exact_loop
 from helisim.design.plant import Plant
 from helisim.handling import figures
 from helisim.handling.spec import ATTITUDES
-from helisim.ident import identify, load_fit, structures
+from helisim.ident import load_fit
 from helisim.ident.evaluate import response
 from helisim.logs.dataflash import is_dataflash
-from helisim.look.systemid import estimate_fits, followed_band, infer
 from helisim.sim import Recorder
 from helisim.sitl.parameters import AutopilotParameters, parameters_for
 from helisim.study.design_chain import identify_for_design
 from helisim.study.experiment import Source
+from helisim.study.log_tune import logged_plant
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.paper import published_of
 from helisim.study.truth import exact_response, true_values
@@ -177,28 +177,7 @@ def autopilot_parameters(
 
 def _plant(source: Source, seed: int, own: bool) -> Plant:
     if own:
-        return _logged(Path(str(source)))
+        return logged_plant([str(source)])[0]
     if isinstance(source, str | PathLike) and Path(source).suffix == ".json":
         return Plant((load_fit(source),))
     return identify_for_design(source, seed=seed)
-
-
-def _logged(path: Path) -> Plant:
-    found = infer([path])
-    wanted = tuple(fit for fit in found.fits if not fit.structure.startswith("tf:"))
-    if not wanted:
-        raise InputError(
-            f"{path}: no model of it can be used for gains; sweep roll and pitch both, or yaw"
-        )
-    names = {
-        name
-        for fit in wanted
-        for name in (*fit.inputs, *fit.outputs, *fit.conditioning, *fit.reference)
-    }
-    records = [record for log in found.read(names) for record in log.records]
-    fits = []
-    for fit, estimate in zip(wanted, estimate_fits(records, wanted)):
-        structure = structures.named(fit.structure)
-        band = followed_band(estimate, structure, fit.band)
-        fits.append(identify(estimate, structure, band=band))
-    return Plant(tuple(fits))

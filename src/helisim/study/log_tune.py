@@ -1,0 +1,359 @@
+"""Gains of an ArduCopter-heli from its own flight log: its loops today, and better ones."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from helisim.base.arrays import Complex, Real
+from helisim.base.errors import IdentificationError, InputError, LogError
+from helisim.base.linear import Linear
+from helisim.base.settings import Value
+from helisim.design.plant import Plant
+from helisim.handling.arducopter import WORDS, ArduCopterLaw
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures import bandwidth, rejection
+from helisim.handling.loop import Curve, axis_of
+from helisim.handling.measured.interval import Interval, figures_of, intervals
+from helisim.handling.measured.margins import MeasuredLoop
+from helisim.ident import identify, structures
+from helisim.logs.dataflash import open_dataflash
+from helisim.logs.source import file_digest
+from helisim.look.loops import flown_law, flown_loops
+from helisim.look.systemid import estimate_fits, followed_band, infer
+from helisim.records.record import one_blas_thread
+from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
+from helisim.sitl.parameters import AutopilotParameters, Setting
+
+Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
+
+_DRAWS = 200  # models as likely as the identified one, of which intervals are made
+_SEARCHED = 40  # of them, that every tried gain must satisfy
+_TRIES = 4  # searches, each with more margin where the last one's intervals had too little
+_BEYOND = 1.1  # by which a search asks for more than its last one lacked
+_WORTH = 1.03  # ratio of the rejection bandwidth below which today's gains stay
+_UNKNOWN = "its model is known too little: no gains hold the margins in 95 % of those as likely"
+ATTITUDE_DRB = "attitude_DRB"
+"""Figure: DRB of a disturbance of the attitude alone, as of an estimate that drifts, rad/s."""
+_WHYS = {
+    "ANG": "the rate that an error of attitude asks for, 1/s: more follows and rejects sooner, "
+    "until phase margin and peak end it",
+    "P": "full command by rad/s of rate error: more holds the rate in gusts, until gain margin and "
+    "noise end it",
+    "I": "half a radian a second of FF + P: takes out what stays",
+    "D": "gives back phase that P takes, and passes noise on",
+    "FF": "the command that holds 1 rad/s",
+}
+_FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff"}
+
+
+@dataclass(frozen=True, eq=False)
+class FlownPlant:
+    """A model put right by loops as flown: `ratios` of them to the model's, by axis; `Linear`.
+
+    Beyond a ratio's band its ends hold.
+    """
+
+    model: Linear
+    ratios: Mapping[str, Curve]
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The model's commands."""
+        return self.model.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What the model senses."""
+        return self.model.outputs
+
+    def response(self, frequency: Real) -> Complex:
+        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
+        found = np.array(self.model.response(frequency))
+        for axis, ratio in self.ratios.items():
+            inside = np.clip(frequency, *ratio.frequency[[0, -1]])
+            found[:, self.inputs.index(axis)] *= ratio.at(inside)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedLoop(ClosedLoop):
+    """The loop of an identified model, with those of models as likely: `intervals` of its figures.
+
+    `draws` are made of the plants that `Plant.draws` returns, each with the same law.
+    """
+
+    draws: tuple[ClosedLoop, ...] = ()
+
+    @classmethod
+    def of(cls, plants: Sequence[Linear], law: ArduCopterLaw) -> Self:
+        """Return it of a plant and those as likely."""
+        first, *others = (ClosedLoop(plant, law) for plant in plants)
+        return cls(first.plant, law, draws=tuple(others))
+
+    def figures(self, axis: str) -> dict[str, Interval]:
+        """Return an axis's figures with their 95 % intervals, cut at the command."""
+        attitude = axis_of(axis).name != "ped"  # of yaw the stick asks for a rate
+
+        def followed(one: ClosedLoop) -> dict[str, float]:
+            quick = bandwidth(one.command(axis))
+            alone = rejection(one.disturbance(axis, "attitude"))
+            return {
+                ATTITUDE_DRB: alone.bandwidth,
+                "bandwidth": quick.phase if attitude else quick.rate,
+            }
+
+        cut, rejected = (
+            intervals(self, partial(figures_of, kind=kind, axis=axis))
+            for kind in ("broken", "disturbance")
+        )
+        return cut | rejected | intervals(self, followed)
+
+
+@dataclass(frozen=True)
+class Changed:
+    """One parameter of the autopilot: today's value, the candidate's, and why.
+
+    `within` is half the 95 % interval of a value that the model gives by itself, else None.
+    """
+
+    name: str
+    before: float
+    after: float
+    why: str
+    within: float | None = None
+
+    def __str__(self) -> str:
+        error = "" if self.within is None else f" +- {self.within:.2g}"
+        return f"{self.before:.4g} before{error and f'; {self.after:.4g}{error}'}. {self.why}"
+
+
+@dataclass(frozen=True, eq=False)
+class AxisTuning(Value):
+    """One axis: its loop's figures today, and with the candidate's gains.
+
+    `flown` is whether today's are as flown, where the sweeps show them. Without a candidate,
+    `tuned` and `changes` are empty and `why` says so.
+    """
+
+    axis: str
+    flown: bool
+    today: Mapping[str, Interval]
+    tuned: Mapping[str, Interval] = field(default_factory=dict)
+    changes: tuple[Changed, ...] = ()
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LogTuning(Value):
+    """What a flight log says of its loops and of better gains, by axis; remarks on both."""
+
+    logs: tuple[str, ...]
+    axes: tuple[AxisTuning, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def changes(self) -> tuple[Changed, ...]:
+        """The parameters that change, of all axes."""
+        return tuple(each for one in self.axes for each in one.changes)
+
+    @property
+    def parameters(self) -> AutopilotParameters:
+        """The candidate's parameters, those that change."""
+        groups = {
+            axis_of(one.axis).word: tuple(
+                Setting(each.name, each.after, str(each)) for each in one.changes
+            )
+            for one in self.axes
+            if one.changes
+        }
+        return AutopilotParameters(
+            f"gains identified from {', '.join(Path(one).name for one in self.logs)}", groups
+        )
+
+
+@one_blas_thread()
+def tune_log(
+    logs: Paths,
+    *,
+    required: Required = STANDARD,
+    seed: int = 1,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> LogTuning:
+    """Return an ArduCopter-heli's loops and better gains, from logs of its SystemID sweeps.
+
+    A model is identified of each axis that was swept; today's gains and filters are the logs'. The
+    candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
+    gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
+    models as likely. Raises StorageError, LogError, IdentificationError, or InputError if no axis
+    can be tuned.
+    """
+    paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
+    on_step("models")
+    plant, start = logged_plant(paths)
+    remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
+    on_step("loops as flown")
+    log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
+    law = flown_law(log, start + log.begins)
+    remarks += law.remarks
+    axes = tuned_axes(plant)
+    shown = _shown(paths, remarks)
+    on_step("candidates")
+    models = [plant, *plant.draws(_DRAWS, seed=seed)]
+    known = [one for one in axes if shown and one in {cut.axis for cut in shown.used}]
+    plants = _put_right(models, law, shown, known) if shown else models
+    today = PredictedLoop.of(plants, law)
+    own = log.parameters(at=start + log.begins)
+    wrong = {
+        name: f"its model is {fit.verdict}"
+        for fit in plant.fits
+        for name in fit.structure.inputs
+        if fit.verdict.word == "wrong"
+    }
+
+    def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
+        new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
+        return ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
+
+    asked = {axis: required for axis in axes if axis not in wrong}
+    gains, tuned, none = _searched(plants, with_gains, asked, required)
+    none |= wrong
+    found = []
+    for axis in axes:
+        before = today.figures(axis)
+        one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
+        if axis in gains:
+            one = _compared(one, tuned[axis], gains[axis], own, plants, required)
+        found.append(one)
+    return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)))
+
+
+def logged_plant(logs: Sequence[str]) -> tuple[Plant, float]:
+    """Return the models that logs of SystemID sweeps tell, and when the first begins, s.
+
+    Raises StorageError, LogError, IdentificationError, or InputError if nothing is of use.
+    """
+    found = infer(logs)
+    wanted = tuple(fit for fit in found.fits if not fit.structure.startswith("tf:"))
+    if not wanted:
+        raise InputError(
+            f"{logs[0]}: no model of it can be used for gains; sweep roll and pitch both, or yaw"
+        )
+    names = {
+        name
+        for fit in wanted
+        for name in (*fit.inputs, *fit.outputs, *fit.conditioning, *fit.reference)
+    }
+    records = [record for log in found.read(names) for record in log.records]
+    fits = []
+    for fit, estimate in zip(wanted, estimate_fits(records, wanted)):
+        structure = structures.named(fit.structure)
+        band = followed_band(estimate, structure, fit.band)
+        fits.append(identify(estimate, structure, band=band))
+    return Plant(tuple(fits)), found.used[0].start
+
+
+def _shown(paths: Sequence[str], remarks: list[str]) -> MeasuredLoop | None:
+    """Return the loops that sweeps of the mixer cut, None if none did, and extend the remarks."""
+    try:
+        found = flown_loops(paths).margins(draws=_DRAWS)
+    except (LogError, IdentificationError) as error:
+        remarks.append(f"no loop is known as flown, so models alone tell the figures: {error}")
+        return None
+    return found.loop
+
+
+def _put_right(
+    models: Sequence[Plant], law: ArduCopterLaw, shown: MeasuredLoop, axes: Sequence[str]
+) -> list[FlownPlant]:
+    """Return models with the loops as flown, each with one of those as likely as measured."""
+    plants = []
+    for model, one in zip(models, (shown, *shown.draws)):
+        curves = {axis: one.broken(axis) for axis in axes}
+        ratios = {
+            axis: Curve(
+                curve.frequency,
+                curve.response / ClosedLoop(model, law, curve.frequency).broken(axis).response,
+            )
+            for axis, curve in curves.items()
+        }
+        plants.append(FlownPlant(model, ratios))
+    return plants
+
+
+def _named(axis: str, gains: Gains) -> dict[str, float]:
+    word = WORDS[axis]
+    rates = {f"ATC_RAT_{word}_{name}": getattr(gains, of) for name, of in _FIELDS.items()}
+    return {f"ATC_ANG_{word}_P": gains.angle, **rates}
+
+
+def _searched(
+    plants: Sequence[Linear],
+    law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
+    asked: dict[str, Required],
+    required: Required,
+) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
+    """Return gains whose intervals hold what is required, their figures, and why others don't."""
+    none: dict[str, str] = {}
+    tries = Counter[str]()
+    while asked:
+        try:
+            gains = search(plants[: _SEARCHED + 1], law, asked)
+        except NoGains as error:
+            none[error.axis] = _UNKNOWN if tries[error.axis] else str(error)
+            del asked[error.axis]
+            continue
+        gains = {axis: Gains(*(float(f"{x:.4g}") for x in one)) for axis, one in gains.items()}
+        loop = PredictedLoop.of(plants, law(gains))
+        tuned = {axis: loop.figures(axis) for axis in gains}
+        short = {axis: lacks(tuned[axis], required) for axis in gains}
+        if not any(map(any, short.values())):
+            return gains, tuned, none
+        for axis in (axis for axis in gains if any(short[axis])):
+            tries[axis] += 1
+            by = np.array(asked[axis]) + _BEYOND * np.array(short[axis]) * (1.0, 1.0, -1.0)
+            asked[axis] = Required(*by.tolist())
+            if tries[axis] == _TRIES:
+                none[axis] = _UNKNOWN
+                del asked[axis]
+    return {}, {}, none
+
+
+def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
+    """Return by how much the worst ends of intervals miss what is required, 0 where they don't.
+
+    A margin that lies beyond the band is none that is missed.
+    """
+    gain, phase, peak = (figures[name] for name in ("gain_margin", "phase_margin", "DRP"))
+    ends = (
+        (gain.value, required.gain - gain.low),
+        (phase.value, required.phase - np.radians(phase.low)),
+        (peak.value, peak.high - required.peak),
+    )
+    return Required(*(max(0.0, float(short)) if value == value else 0.0 for value, short in ends))
+
+
+def _compared(
+    one: AxisTuning,
+    tuned: Mapping[str, Interval],
+    gains: Gains,
+    own: Mapping[str, float],
+    plants: Sequence[Linear],
+    required: Required,
+) -> AxisTuning:
+    """Return an axis with its candidate, or with why today's gains stay."""
+    better = min(tuned[name].value / one.today[name].value for name in ("DRB", ATTITUDE_DRB))
+    if better < _WORTH and not any(lacks(one.today, required)):
+        return replace(one, why="today's gains are as good within the margins")
+    error = 1.96 * float(np.std([holds(plant, one.axis) for plant in plants[1:]]))
+    changes = []
+    for name, value in _named(one.axis, gains).items():
+        short = "ANG" if "_ANG_" in name else name.split("_")[-1]
+        within = error if short == "FF" else None
+        changes.append(Changed(name, own[name], value, _WHYS[short], within))
+    return replace(one, tuned=tuned, changes=tuple(changes))
