@@ -33,7 +33,7 @@ def motor():
     return hs.load("jr700", parameters={"drive.governor": "motor"})
 
 
-MORE = ("forward", "autorotation, 60 m and 10 m/s")
+MORE = ("forward", "autorotation, 60 m and 10 m/s", "roll sweep", "heave sweep")
 
 
 @pytest.mark.parametrize(
