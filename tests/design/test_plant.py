@@ -16,6 +16,7 @@ from helisim.sim import FlightPlan, Pilot, Step, Weather, simulate
 from ident_data import OMEGA as WIDE
 from ident_data import ROLL, SERVOED
 from ident_data import found as fitted
+from tabled import tabled
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
 TRUE = {"N_r": -1.2, "N_ped": 40.0, "tau_r_base": 0.05}
@@ -179,10 +180,7 @@ def test_fits_that_share_a_known_value_share_its_error(fit):
     assert one["N_ped"] != other["N_ped"]
 
 
-@pytest.mark.parametrize(
-    ("covariance", "message"),
-    [(None, "'yaw_base' doesn't state its covariance"), ([np.inf, 1.0], "don't see N_r")],
-)
+@tabled("covariance", "message")
 def test_a_fit_whose_errors_are_not_known_is_refused(fit, covariance, message):
     known = None if covariance is None else np.diag(covariance)
     with pytest.raises(InputError, match=message):

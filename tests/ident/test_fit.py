@@ -82,11 +82,7 @@ def test_standard_error_is_the_scatter_of_replicates():
     np.testing.assert_allclose(np.mean(stated, axis=0) / np.std(found, axis=0), 1.0, atol=0.25)
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "ends"),
-    # a thousandth of the range inside is not the edge, whose width is a millionth of it
-    [(-2.0, 0.0, ()), (-0.7, 0.0, ("Z_w",)), (-2.0, -0.9, ("Z_w",)), (-0.802, 0.0, ())],
-)
+@tabled("low", "high", "ends")
 def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, ends):
     """Z_w = -0.8 ends at an edge that keeps it from there, and the verdicts say so."""
     free = structures.heave.with_bounds({"Z_w": None}).with_starts({"Z_w": 0.5 * (low + high)})
@@ -253,10 +249,7 @@ def test_random_systems_are_found(case, number):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize(
-    ("case", "delay"),
-    [("0/1", 0.5), ("1/2", 0.28), ("1/2", 1.2), ("2/4", 0.5), ("3/4", 0.5), ("rollpitch", 0.5)],
-)
+@tabled("case", "delay")
 def test_sixty_random_systems_are_found(case, delay):
     """At least 59 of 60, for two seeds of no other use; 1.2 s are two cycles of the top."""
     for seed in (78, 79):

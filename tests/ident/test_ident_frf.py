@@ -201,10 +201,7 @@ def test_agreeing_estimates_raise_no_warning(gain, disturbance, how):
         assert frequency_response(loop(0, gain, disturbance), **LOOP, **how).flags == ()
 
 
-@pytest.mark.parametrize(
-    ("line", "spread", "limit"),
-    [(0.0, 0.0, 0.005), (0.1, 0.0, 0.1 * np.sqrt(2.0)), (0.0, 0.02, 0.02 * np.sqrt(24.0))],
-)
+@tabled("line", "spread", "limit")
 def test_estimates_disagree_where_their_gap_is_beyond_chance(line, spread, limit):
     """Half a percent, both variances, twelve times the gap's own; lines in common have none."""
     omega = np.geomspace(1.0, 10.0, 41)

@@ -88,7 +88,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+LARGE = pytest.param("roll and pitch", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("case", ["short period", "yaw", LARGE])
 def test_short_manoeuvres_give_the_truth_within_the_stated_errors(case):
     (structure, truth), moves, (noise, step, band, seeds) = CASES[case]
     errors = []

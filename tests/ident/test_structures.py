@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter
-from test_fit import HOVER, HOVER_SLOPES, INFLOW
+from test_fit import HOVER, HOVER_SLOPES, INFLOW  # noqa: F401  (rows name them)
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Parameter, Structure, identify, structures
@@ -278,20 +278,7 @@ def test_transfer_functions_are_their_polynomials():
 WIDE = np.geomspace(0.3, 60.0, 160)
 
 
-@pytest.mark.parametrize(
-    ("small", "large", "values"),
-    [
-        ("rollpitch", "hover", HOVER | dict.fromkeys(("L_u", "L_v", "M_u", "M_v"), 0.0)),
-        ("rollpitch", "rollpitch_inflow", HOVER_SLOPES),
-        ("hover", "hover_inflow", HOVER_SLOPES),
-        (
-            "rollpitch",
-            "rollpitch_speeds",
-            HOVER_SLOPES
-            | dict.fromkeys(("A_u", "A_v", "L_p", "M_q", "X_u", "Y_v", "L_v", "M_u"), 0.0),
-        ),
-    ],
-)
+@tabled("small", "large", "values")
 def test_a_larger_structure_is_the_smaller_one_without_what_it_adds(small, large, values):
     """Without speed derivatives, lag, turn or torque the rates are those of the smaller one."""
     values = values | {"tau_1": 1e-9, "turn": 0.0, "torque": 0.0}

@@ -87,10 +87,7 @@ def free_states():
     return hs.StateSpaceLaw(period=0.002, inputs=("p", "phi"), **matrices)
 
 
-@pytest.mark.parametrize(
-    ("made", "col"),  # a rate command's collective is the stick's
-    [(hs.RateCommand.of, 0.0), (lambda _: HOLDS, 0.07), (lambda _: free_states(), 0.07)],
-)
+@tabled("made", "col")
 def test_starts_where_the_servos_stand(jr700, made, col):
     """As after a gyro's restart: without a rate or a stick no servo moves, wherever it stands."""
     (flown,) = made(jr700).on(jr700).laws

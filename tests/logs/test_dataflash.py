@@ -24,7 +24,10 @@ def small():
     return log
 
 
-@pytest.mark.parametrize("window", [1, 2, 3, 64, 1000, 1 << 22])
+SMALL = (pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 1000))
+
+
+@pytest.mark.parametrize("window", [3, 64, 1 << 22, *SMALL])
 def test_messages_of_a_type_are_columns(tmp_path, monkeypatch, window):
     monkeypatch.setattr(dataflash, "_WINDOW", window)
     monkeypatch.setattr(dataflash, "_ROWS", window)

@@ -15,7 +15,7 @@ import helisim as hs
 from autopilot_logs import table
 from helisim.base.errors import LogError
 from helisim.base.units import UNITS
-from helisim.logs import Clock, Column, read_log, resample
+from helisim.logs import Clock, Column, read_log, resample  # noqa: F401  (rows name it)
 from helisim.logs.mapping import named_column
 from helisim.logs.read import open_source
 from helisim.logs.screening import Channels
@@ -129,19 +129,7 @@ def test_a_unit_is_told_by_its_factor(name, si):
     assert [channels.unit_of(name, one) for one in (0.0, math.inf)] == [None] * 2
 
 
-@pytest.mark.parametrize(
-    ("heading", "time", "seconds"),
-    [
-        ("time_ms", None, 1e-3),
-        ("TimeUS", None, 1e-6),
-        ("timestamp_us", None, 1e-6),
-        ("t [min]", None, 60.0),
-        ("Time (ns)", None, 1e-9),
-        ("stamp_ms", Clock("stamp_ms"), 1e-3),
-        ("when", Clock("when", "sec"), 1.0),
-        ("t [ms]", Clock("t", "s"), 1.0),
-    ],
-)
+@tabled("heading", "time", "seconds")
 def test_a_clock_has_the_unit_that_its_heading_or_map_says(tmp_path, heading, time, seconds):
     stamps = (np.arange(5.0) + 3.0) * 0.02 / seconds
     path = table(tmp_path / "a.csv", stamps, np.arange(5.0), header=f"{heading},p")

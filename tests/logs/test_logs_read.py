@@ -20,6 +20,7 @@ from helisim.logs.examples import examples
 from helisim.logs.screening import Channels, implausible
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
+from tabled import tabled
 
 P = {"p": Column("p", "rad/s")}
 
@@ -64,10 +65,7 @@ def test_clocks_since_1970_lose_nothing(tmp_path, unit, stamps):
     assert record.time[0] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("encoding", "delimiter"),
-    [("utf-8", ","), ("utf-8-sig", ";"), ("utf-16", "\t"), ("latin-1", "|")],
-)
+@tabled("encoding", "delimiter")
 def test_encoding_and_delimiter_are_found_out(tmp_path, encoding, delimiter):
     path = tmp_path / "a.csv"
     lines = ["Zeit [s],größe [°/s],x", "0,90,1", "1,180,2"]

@@ -93,8 +93,16 @@ def farthest(model, data, seconds=10.0):
     return far
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("file", ["scene", "alone"])
+@pytest.mark.parametrize(
+    ("file", "integrator"),
+    [
+        *(("alone", "RK4"), ("scene", "Euler")),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in (("scene", "RK4"), ("alone", "Euler"))
+        ),
+    ],
+)
 @pytest.mark.parametrize("name", vehicle_names())
 def test_hover_from_the_keyframe(name, file, integrator):
     model = shipped(name, file)

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from helisim.physics import rotor
 from helisim.physics.inflow import mass_flow
 from quasi_steady import inflow_and_thrust
+from tabled import tabled
 
 SOLIDITY = 2 * 0.065 / (math.pi * 0.767)
 SLOPE = 6.0
@@ -90,10 +91,7 @@ def test_drag_of_the_blades_is_the_sum_over_them(advance):
     assert torque + drag * advance**2 == pytest.approx(power, rel=0.004)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "measured"),
-    [(25, 0.42), (30, 0.57), (40, 0.92), (50, 1.215), (60, 1.47), (75, 1.735), (90, 1.8)],
-)
+@tabled("degrees", "measured")
 def test_drag_past_the_stall_is_the_measured_one(degrees, measured):
     """c_d of NACA 0012 at a Reynolds number of 2e6: Sheldahl and Klimas, SAND80-2114.
 

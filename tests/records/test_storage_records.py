@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 import helisim as hs
 from helisim import cli
 from helisim.base.errors import StorageError, UnknownNameError
-from helisim.base.files import atomic_write, read_json, read_toml, toml_value, write_json
+from helisim.base.files import atomic_write, read_json, read_toml, toml_value, write_json  # noqa: F401
 from helisim.cli import main
-from helisim.ident import load_fit, structures
-from helisim.logs import Map
+from helisim.ident import load_fit, structures  # noqa: F401  (rows name it)
+from helisim.logs import Map  # noqa: F401  (rows name it)
 from helisim.logs.examples import FOLDER
 from helisim.records.record import Channel, FlightRecord, channel, versions
 from helisim.records.storage import read_record, write_record
@@ -187,19 +187,7 @@ def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
     assert list(path.parent.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "read"),
-    [
-        ("deep.json", "[" * 100_000, read_json),
-        ("deep.json", '{"format":' * 100_000, load_fit),
-        ("deep.toml", "a = " + "[" * 100_000, read_toml),
-        ("deep.toml", "a = " + "[" * 100_000, Map.from_toml),
-        ("deep.toml", "a = " + "9" * 10_000, read_toml),
-        ("list.json", "[1, 2]", read_json),
-        ("half.json", '{"a": 1', read_json),
-        ("bytes.json", "\udcff", read_json),
-    ],
-)
+@tabled("name", "text", "read")
 def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read):
     """Nesting that exhausts the stack, endless numbers, cut or foreign files name the file."""
     path = tmp_path / name
@@ -303,25 +291,7 @@ def test_each_is_a_short_record_with_its_origin(logs):
         hs.open_example("sweep")
 
 
-@pytest.mark.parametrize(
-    ("structure", "sweeps", "unseen", "options"),
-    [
-        (
-            "rollpitch_speeds",
-            ("sweep_lat", "sweep_lon"),
-            ("doublet_lat", 0.0, 8.0),
-            {"conditioning": ("col", "ped"), "band": (3.0, 42.0)},
-        ),
-        (
-            "yaw_base",
-            ("sweep_ped",),
-            # without sideslip the yaw model holds from 0.8 rad/s up, for seconds
-            ("doublet_ped", 1.5, 4.0),
-            {"conditioning": ("v", "col"), "reference": ("PED", "LAT", "COL"), "band": (0.8, 25.0)},
-        ),
-        ("heave", ("sweep_col",), None, {"reference": ("COL",), "band": (0.8, 12.0)}),
-    ],
-)
+@tabled("structure", "sweeps", "unseen", "options")
 def test_models_are_identified_from_them(structure, sweeps, unseen, options, logs, jr700):
     model = getattr(hs.structures, structure)
     frf = hs.frequency_response(

@@ -18,7 +18,7 @@ from helisim.show.canvas import to_figure
 from helisim.show.charts import Shown, draw_chart
 from helisim.show.figure import Drawing, Mark, Panel, Scale, extent, outline
 from helisim.show.plots import beside, draw_bode, draw_pair, phase_degrees
-from helisim.show.table import PERCENT, as_text, common_form, number, table
+from helisim.show.table import PERCENT, as_text, common_form, number, table  # noqa: F401  (rows name it)
 from helisim.show.terminal import render_results
 from helisim.study.comparison import ComparisonTable, ParameterRow
 from helisim.study.results import Exclusion, Results
@@ -190,21 +190,7 @@ def make_table(*rows: ParameterRow) -> ComparisonTable:
     return ComparisonTable(**TABLE, parameters=rows)
 
 
-@pytest.mark.parametrize(
-    ("value", "form", "text"),
-    [
-        (-0.0, ".4g", "0"),
-        (-0.00004, ".2f", "0.00"),
-        (-1e-9, ".1e", "-1.0e-09"),
-        (2.5, "+.2f", "+2.50"),
-        (0.01234, PERCENT, "0.012"),
-        (9.94, PERCENT, "9.9"),
-        (23.12, PERCENT, "23"),
-        (5e6, PERCENT, "5e+06"),
-        (float("inf"), PERCENT, "inf"),
-        (None, PERCENT, "-"),
-    ],
-)
+@tabled("value", "form", "text")
 def test_a_number_alone(value, form, text):
     assert number(value, form) == text
 

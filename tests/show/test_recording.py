@@ -11,16 +11,16 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from command import fails
-from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
 from helisim.physics.motion import flip
-from helisim.records.record import CHANNELS, POSITIONS, RATES, ROTOR, Channel, FlightRecord, channel
+from helisim.records.record import CHANNELS, POSITIONS, RATES, ROTOR, Channel, FlightRecord, channel  # noqa: F401
 from helisim.records.storage import write_record
 from helisim.show.plots import families
 from helisim.show.recording import model_shapes, write_recording
 from helisim.show.viewer import SLOWED, TILT_GAIN
 from helisim.sim import Deck, FlightPlan, Ground, Pulse, Swing, fly
 from made_run import make_flight, write_run
+from tabled import tabled
 
 SINGLE = 1e-6
 """Rerun keeps poses and shapes in single precision: 6e-8 of the largest number, here below 10."""
@@ -162,14 +162,7 @@ def test_the_ground_is_drawn_as_it_was_flown_over(tmp_path, jr700, model):
     assert place[:, 2] == pytest.approx(-deck.deck.heave.at(record.time[::2]), abs=SINGLE)
 
 
-@pytest.mark.parametrize(
-    ("name", "flights", "error", "message"),
-    [
-        ("a.mcap", {"f": make_flight(RATES)}, InputError, r"suffix \.rrd, got '\.mcap'"),
-        ("a.rrd", {}, InputError, "at least one flight"),
-        ("absent/a.rrd", {"f": make_flight(RATES)}, StorageError, "is not a folder"),
-    ],
-)
+@tabled("name", "flights", "error", "message")
 def test_a_recording_that_can_not_be_made_is_refused(
     tmp_path, model, name, flights, error, message
 ):

@@ -270,10 +270,7 @@ def given(monkeypatch):
     return make
 
 
-@pytest.mark.parametrize(
-    ("axis", "settings"),
-    [("col", {}), ("lon", {"integrator": "Euler"}), ("lat", {"timestep": 0.001}), ("ped", {})],
-)
+@tabled("axis", "settings")
 def test_a_doublet_in_python_flies_as_the_compiled_one(axis, settings):
     """To the bit: both add +-amplitude to the same sticks at the same steps.
 

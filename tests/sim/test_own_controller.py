@@ -223,7 +223,10 @@ FAILING = {
 }
 
 
-@pytest.mark.parametrize("how", FAILING)
+SECONDS = [pytest.param(one, marks=pytest.mark.slow) for one in ("infinite", "native")]
+
+
+@pytest.mark.parametrize("how", ["raises", "nan", "divides", *SECONDS])
 def test_a_law_that_fails_ends_the_flight(jr700, how):
     law, why, where = FAILING[how]
     record = hs.fly(jr700, SHORT, controller=law, keep_ended=True, jobs=1)[0]
@@ -286,14 +289,19 @@ def drift(vehicle, hover, law, turbulence, seed):
     return np.sqrt(np.mean(np.sum(far**2, axis=1)))
 
 
-@pytest.mark.parametrize("hover", HOVERS)
+CALM, ROUGH = (None, 1, 0.25), ("light", 2, 2.5)
+SWAPPED = [
+    pytest.param(*one, marks=pytest.mark.slow) for one in [("sweeps", *CALM), ("mission", *ROUGH)]
+]
+
+
 @pytest.mark.parametrize(
-    ("turbulence", "seed", "most"),
+    ("hover", "turbulence", "seed", "most"),
     # Calm: the remnant moves an attitude by 0.6 of the stick, and a rate's attitude by much more:
     # 0.05 to 0.12 of the gyro's drift. In rough air the loops are as fast as on the gyro, but the
     # law's own hold is softer in a gust: 0.4 to 2.0 in ten seeds. It was 2.5 to 26 with the gains
     # on the gyro, and 0.66 to 1.1 in calm air.
-    [(None, 1, 0.25), ("light", 2, 2.5)],
+    [("mission", *CALM), ("sweeps", *ROUGH), *SWAPPED],
 )
 def test_it_drifts_as_on_the_gyro(jr700, hover, turbulence, seed, most):
     own, held = (drift(jr700, hover, law, turbulence, seed) for law in (hs.Controller(), HOLDS))

@@ -62,6 +62,7 @@ def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
         assert held.jnt_bodyid[held.actuator(name).trnid[0]] == held.body("jr700").id
 
 
+@pytest.mark.slow
 def test_bench_and_turntable_give_the_controllers_gains(ground):
     """k_p and k_I, given k_delta; k_a, given both, two ways; and the lead on the rate."""
     found = ground["bench"]
@@ -135,8 +136,8 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
         loop_gains(still, input="r", output="servo_tail", band=(3.0, 30.0))
 
 
-def test_the_suspension_finds_the_centre_of_gravity(ground):
-    found = ground["suspension"]
+def test_the_suspension_finds_the_centre_of_gravity(jr700):
+    found = rigs.suspension_test(jr700, seed=1)
     assert found["cg distance"].value < 1e-3
     for axis in "xyz":
         one = found[f"imu_{axis}"]

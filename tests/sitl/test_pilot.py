@@ -7,7 +7,7 @@ import pytest
 
 from helisim.base.errors import AutopilotError, UnknownNameError
 from helisim.sim.weather import Weather
-from helisim.sitl.pilot import MODES, Hold, Pilot, Sticks, Telemetry
+from helisim.sitl.pilot import MODES, Hold, Pilot, Sticks, Telemetry  # noqa: F401  (rows name it)
 from helisim.sitl.systemid import Sweep, fly_sweep, fly_sweeps
 
 pytest.importorskip("pymavlink", reason="a ground station speaks by pymavlink")
@@ -93,13 +93,7 @@ def test_a_rotor_in_gusts_need_not_stand_still(weather, turns):
         assert copter.rotor_speed == pytest.approx(turns, abs=1.5e-3)  # 0.1 a second, in steps
 
 
-@pytest.mark.parametrize(
-    ("sticks", "pulses"),
-    [
-        (Sticks(), [1500, 1500, 1000, 1500, 1000, 1000, 1000, 1000]),
-        (Sticks(0.5, -1.0, 0.25, 0.1, True), [1750, 1000, 1250, 1550, 1000, 1000, 1000, 2000]),
-    ],
-)
+@tabled("sticks", "pulses")
 def test_sticks_are_pulses_in_ardupilots_order(sticks, pulses):
     """Channels 1 to 4 are roll, pitch, throttle, yaw (ArduPilot's RCMAP), 8 the interlock."""
     assert sticks.pulses == pulses
@@ -208,13 +202,7 @@ def test_sweeps_are_flown_one_after_the_other_in_one_place(copter):
     assert f"sweep 2 of 2: {told}" in said
 
 
-@pytest.mark.parametrize(
-    ("away", "text", "says"),
-    [
-        (29.0, "SystemID Stopped", "SystemID Stopped; try a smaller magnitude"),
-        (31.0, "", "it went 30 m away; try a smaller"),
-    ],
-)
+@tabled("away", "text", "says")
 def test_a_sweep_ends_where_the_autopilot_stops_it_or_it_goes_far(copter, away, text, says):
     """What was said before it began is of an earlier sweep."""
     pilot = piloted(copter)

@@ -3,6 +3,7 @@
 import math
 import pickle
 import warnings
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -48,13 +49,18 @@ def motor():
     return load("jr700", parameters=MOTOR)
 
 
+@cache
+def linear_models(name):
+    """Return a vehicle's linear model with an ideal governor and with a motor."""
+    return tuple(load(name, parameters=one).linearize() for one in ({}, MOTOR))
+
+
 def largest_difference(name, response, low, high):
     """Return by how much a frequency response with the motor differs from the ideal, relative."""
     omega = np.geomspace(low, high, 60)
     output, cause = response.split("/")
     found = []
-    for parameters in ({}, MOTOR):
-        linear = load(name, parameters=parameters).linearize()
+    for linear in linear_models(name):
         labels = linear.system.output_labels, linear.system.input_labels
         row, column = (known.index(one) for known, one in zip(labels, (output, cause)))
         found.append(linear.response(omega)[row, column])

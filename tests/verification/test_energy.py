@@ -19,6 +19,7 @@ import helisim as hs
 import script
 from helisim.physics.native import installed
 from helisim.vehicle import load
+from tabled import tabled
 
 BALANCED = 1e-3
 """Of the energy turned over. Not counted are the springs of the hub (0.1 J at 3 degrees of tilt),
@@ -32,7 +33,7 @@ def motor():
     return hs.load("jr700", parameters={"drive.governor": "motor"})
 
 
-MORE = ("forward", "autorotation, 60 m and 10 m/s")
+MORE = ("forward", "autorotation, 60 m and 10 m/s", "roll sweep", "heave sweep")
 
 
 @pytest.mark.parametrize(
@@ -142,16 +143,7 @@ def test_falls_as_printed(differences, case):
     assert np.max(differences[case][:, VELOCITY]) < 5e-9
 
 
-@pytest.mark.parametrize(
-    ("case", "angle", "rate"),
-    [
-        # no moment: no rate, and the horizon turns by 15 degrees an hour; 12 digits of 0.1 degree
-        (1, 1e-11, 1e-11),
-        # Euler's equations, 30 s and more than two turns. Half a unit of the last of 12 digits is
-        # 5e-10 deg of 150; the rest is rounding in 15000 steps of either side
-        (2, 2e-8, 2e-9),
-    ],
-)
+@tabled("case", "angle", "rate")
 def test_turns_as_printed(differences, case, angle, rate):
     assert np.max(differences[case][:, ANGLES]) < angle
     assert np.max(differences[case][:, RATES]) < rate
