@@ -229,7 +229,7 @@ def attempt(name, sound, folder, seed):
     return "NaN is taken" if "NaN" in json.dumps(to_plain(value), default=str) else ""
 
 
-@pytest.mark.parametrize("seeds", [range(8), pytest.param(range(8, 64), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(8), pytest.param(range(8, 124), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", READERS)
 def test_a_spoiled_file_is_read_or_refused(name, seeds, sound, tmp_path):
     file, read = READERS[name]
