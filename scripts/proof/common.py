@@ -4,10 +4,11 @@ import argparse
 import inspect
 import re
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 
@@ -27,22 +28,22 @@ from helisim.records.record import Channel, FlightRecord, channel
 def run(main: Callable[..., Any]) -> NoReturn:
     """Call main with what the command line says, and exit with what it returns.
 
-    Its arguments, of annotated types, are those of the command line; those by keyword alone are
-    options, a bool is a flag.
+    Its arguments, of annotated types, are those of the command line. Those by keyword alone are
+    options: a bool is a flag, a list takes several words.
     """
     about = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=main.__globals__["__doc__"], formatter_class=about)
     called = inspect.signature(main)
     for name, one in called.parameters.items():
-        several, must = one.kind is one.VAR_POSITIONAL, one.default is one.empty
-        how: dict[str, Any] = {} if must else {"default": one.default}
+        option, words = one.kind is one.KEYWORD_ONLY, get_args(one.annotation)
+        how: dict[str, Any] = {} if one.default is one.empty else {"default": one.default}
         if one.annotation is bool:
             how |= {"action": "store_true"}
-        elif one.kind is one.KEYWORD_ONLY:
-            how |= {"type": one.annotation}
+        elif words or one.kind is one.VAR_POSITIONAL:
+            how |= {"type": words[0] if words else one.annotation, "nargs": "*"}
         else:
-            how |= {"type": one.annotation, "nargs": "*" if several else None if must else "?"}
-        parser.add_argument(f"--{name}" if one.kind is one.KEYWORD_ONLY else name, **how)
+            how |= {"type": one.annotation, "nargs": None if option or not how else "?"}
+        parser.add_argument(f"--{name.replace('_', '-')}" if option else name, **how)
     said = called.bind_partial()
     said.arguments |= vars(parser.parse_args())
     try:
@@ -57,7 +58,7 @@ def table(notation: str, rows: Iterable[Sequence[Any]]) -> None:
     A text among numbers is as wide as they are, as is None, for nothing.
     """
     columns = [one.partition(":")[::2] for one in notation.split("|")]
-    widths = [re.sub(r"^(?![<>])", ">", re.match(r"[<>]?\d*", form)[0]) for _, form in columns]
+    widths = [re.sub(r"^(?![<>])\+?", ">", re.match(r"[<>+]?\d*", form)[0]) for _, form in columns]
     print("".join(f"{name:{width}}" for (name, _), width in zip(columns, widths)).rstrip())
     for row in rows:
         cells = [
@@ -65,6 +66,12 @@ def table(notation: str, rows: Iterable[Sequence[Any]]) -> None:
             for one, (_, form), width in zip(row, columns, widths)
         ]
         print("".join(cells).rstrip(), flush=True)
+
+
+def legend(words: Mapping[str, str]) -> None:
+    """Print what the signs of a table mean."""
+    for sign, text in words.items():
+        print(textwrap.fill(f"{sign}  {text}", 88, subsequent_indent="   "))
 
 
 def identified(

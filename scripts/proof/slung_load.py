@@ -10,8 +10,7 @@ thrust T at h above, leans against the load's moment and pulls along.
     python scripts/proof/slung_load.py [MASS LENGTH ARM]
 """
 
-import sys
-
+import common
 import numpy as np
 from scipy.linalg import eigvals
 
@@ -52,9 +51,13 @@ def identified(loaded: hs.Vehicle, axis: str, seed: int = 1) -> hs.Mode:
     return hs.identify(response, pair).modes.poles[0]
 
 
-if __name__ == "__main__":
-    given = dict(zip(("mass", "length", "arm"), map(float, sys.argv[1:] or (1.0, 3.0, 0.15))))
+def main(mass: float = 1.0, length: float = 3.0, arm: float = 0.15) -> None:
+    given = {"mass": mass, "length": length, "arm": arm}
     wanted, vehicle = closed_form(hs.load(), **given), hs.load(slung=LOAD.format(**given))
     print(f"closed form {wanted:.4f} rad/s, linearised {np.round(exact(vehicle), 4)}")
     for name in AXES:
         print(f"record of a {name} sweep: {identified(vehicle, name).frequency:.4f} rad/s")
+
+
+if __name__ == "__main__":
+    common.run(main)
