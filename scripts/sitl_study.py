@@ -201,7 +201,7 @@ class Derivative(NamedTuple):
 def derivatives(whose: str, log: Path) -> list[Derivative]:
     flown = DataFlash(log)
     parameters, swept = flown.parameters(), flown.table("SIDD").time
-    hover = throttle(flown, swept[0], swept[-1])
+    hover = usual(flown, "RATE", "AOut", swept[0], swept[-1])
     mine = whose == JR700
     true = exact_jr700(parameters, hover) if mine else stated(SOURCES[whose], parameters, hover)
     with tempfile.TemporaryDirectory() as folder:
@@ -295,11 +295,11 @@ def figures(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[F
     return rows
 
 
-def throttle(log: DataFlash, start: float, stop: float) -> float:
-    """Return the median throttle, 0 to 1, between two times of a log, s."""
-    rate = log.table("RATE")
-    between = (rate.time >= start) & (rate.time <= stop)
-    return float(np.median(np.asarray(rate["AOut"], float)[between]))
+def usual(log: DataFlash, message: str, field: str, start: float, stop: float) -> float:
+    """Return the median of a field between two times of a log, s; RATE.AOut is the throttle."""
+    table = log.table(message)
+    between = (table.time >= start) & (table.time <= stop)
+    return float(np.median(np.asarray(table[field], float)[between]))
 
 
 def judged_loops(log: Path, *, own: bool) -> list[str]:
@@ -310,19 +310,12 @@ def judged_loops(log: Path, *, own: bool) -> list[str]:
     flown, opened = flown_loops(log), DataFlash(log)
     swept = [sweep for one in flown.logs.values() for sweep in one]
     start, stop = (opened.begins + one for one in (swept[0].start, swept[-1].stop))
-    hover, parameters = throttle(opened, start, stop), opened.parameters()
-
-    def steady(message: str, field: str) -> float:
-        table = opened.table(message)
-        before = np.abs(table.time - start) < 1.0
-        return float(np.median(np.asarray(table[field], float)[before]))
-
-    angles = "ANG" if "ANG" in opened else "ATT"
-    law = ArduCopterLaw.of(
-        opened.parameters(at=start),
-        lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
-        steady={"lat": steady("PIDR", "I"), "lon": steady("PIDP", "I"), "ped": steady("PIDY", "I")},
-    )
+    hover, parameters = usual(opened, "RATE", "AOut", start, stop), opened.parameters()
+    before, angles = (start - 1.0, start + 1.0), "ANG" if "ANG" in opened else "ATT"
+    lean = (np.radians(usual(opened, angles, name, *before)) for name in ("Roll", "Pitch"))
+    steady = (usual(opened, name, "I", *before) for name in ("PIDR", "PIDP", "PIDY"))
+    now = opened.parameters(at=start)
+    law = ArduCopterLaw.of(now, lean=tuple(lean), steady=dict(zip(COMMANDS, steady)))
     plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
     found = figures(flown.margins(), plant, law)
     print(f"\nloops as flown: {log}")

@@ -10,7 +10,8 @@ thrust T at h above, leans against the load's moment and pulls along.
     python scripts/proof/slung_load.py [MASS LENGTH ARM]
 """
 
-import common
+import sys
+
 import numpy as np
 from scipy.linalg import eigvals
 
@@ -51,13 +52,9 @@ def identified(loaded: hs.Vehicle, axis: str, seed: int = 1) -> hs.Mode:
     return hs.identify(response, pair).modes.poles[0]
 
 
-def main(mass: float = 1.0, length: float = 3.0, arm: float = 0.15) -> None:
-    given = {"mass": mass, "length": length, "arm": arm}
+if __name__ == "__main__":
+    given = dict(zip(("mass", "length", "arm"), map(float, sys.argv[1:] or (1.0, 3.0, 0.15))))
     wanted, vehicle = closed_form(hs.load(), **given), hs.load(slung=LOAD.format(**given))
     print(f"closed form {wanted:.4f} rad/s, linearised {np.round(exact(vehicle), 4)}")
     for name in AXES:
         print(f"record of a {name} sweep: {identified(vehicle, name).frequency:.4f} rad/s")
-
-
-if __name__ == "__main__":
-    common.run(main)

@@ -114,19 +114,20 @@ def flights(truth: Truth, seed: int, **how) -> list[FlightRecord]:
     return [record(fly(truth, axis, 10 * seed + k, **how)) for axis, k in each(truth)]
 
 
-def changed(change: Callable[[Columns, int], Columns], without: tuple[str, ...] = (), step=0.01):
-    """Return a damage that changes recorded columns."""
+def changed(change: Callable[..., Columns], without: tuple[str, ...] = (), step=0.01):
+    """Return a damage that changes recorded columns, by seed and number of the flight."""
 
     def damage(truth: Truth, seed: int) -> list[FlightRecord]:
-        flown = (change(fly(truth, axis, 10 * seed + k), 100 * seed + k) for axis, k in each(truth))
-        return [record({n: v for n, v in c.items() if n not in without}, step) for c in flown]
+        flown = (fly(truth, axis, 10 * seed + k) for axis, k in each(truth))
+        found = (change(one, seed, n) for n, one in enumerate(flown))
+        return [record({n: v for n, v in c.items() if n not in without}, step) for c in found]
 
     return damage
 
 
 def mapped(change: Callable[[np.ndarray], np.ndarray], names: tuple[str, ...], **how):
     """Return a damage that changes each of some columns."""
-    return changed(lambda c, _: {n: change(v) if n in names else v for n, v in c.items()}, **how)
+    return changed(lambda c, *_: {n: change(v) if n in names else v for n, v in c.items()}, **how)
 
 
 def within(change: Callable[[np.ndarray], np.ndarray]):
@@ -136,7 +137,7 @@ def within(change: Callable[[np.ndarray], np.ndarray]):
 
 def exchanged(one: str, other: str):
     swap = {one: other, other: one}
-    return changed(lambda c, _: {swap.get(n, n): v for n, v in c.items()})
+    return changed(lambda c, *_: {swap.get(n, n): v for n, v in c.items()})
 
 
 def two_trims(truth: Truth, seed: int) -> list[FlightRecord]:
@@ -165,33 +166,28 @@ def rate_limit(u: np.ndarray) -> np.ndarray:
     return walked(u, lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE))
 
 
-def dropped(c: Columns, seed: int) -> Columns:
-    keep = np.random.default_rng(seed).random(c["p"].size) > 0.02
+def dropped(c: Columns, seed: int, n: int) -> Columns:
+    keep = np.random.default_rng(100 * seed + n % 2).random(c["p"].size) > 0.02
     return {n: v[keep] for n, v in c.items()}
 
 
-def bursts(c: Columns, seed: int, share: float = 0.16) -> Columns:
+def bursts(c: Columns, seed: int, n: int, share: float = 0.16) -> Columns:
     """Lose bursts of 20 to 250 ms, all columns at once, filled by straight lines."""
-    dice, n = np.random.default_rng(seed), c["p"].size
-    known = np.ones(n, bool)
+    dice, k = np.random.default_rng(100 * seed + n % 2), np.arange(c["p"].size)
+    known = np.ones(k.size, bool)
     while known.mean() > 1.0 - share:
-        at = dice.integers(1, n - 30)
+        at = dice.integers(1, k.size - 30)
         known[at : at + dice.integers(2, 26)] = False
-    k = np.arange(n)
     return {name: np.interp(k, k[known], v[known]) for name, v in c.items()}
 
 
-def gusts(truth: Truth, seed: int) -> list[FlightRecord]:
-    found = []
-    for n, one in enumerate(flights(truth, seed)):
-        dice = np.random.default_rng([seed, n])
-        values = one.values.copy()
-        for name in ("p", "q"):
-            push = dice.normal(size=len(one))
-            for _ in range(2):
-                push = np.convolve(push, np.exp(-np.arange(200) / 50.0), "same")
-            values[:, one.names.index(name)] += 0.3 * push / push.std()
-        found.append(FlightRecord(one.time, values, one.channels))
+def gusts(c: Columns, seed: int, n: int) -> Columns:
+    dice, found = np.random.default_rng([seed, n]), dict(c)
+    for name in ("p", "q"):
+        push = dice.normal(size=c[name].size)
+        for _ in range(2):
+            push = np.convolve(push, np.exp(-np.arange(200) / 50.0), "same")
+        found[name] = c[name] + 0.3 * push / push.std()
     return found
 
 
@@ -206,15 +202,15 @@ DAMAGES = {
     "servo lag missing": lambda t, s: flights(t, s, actuator=lag, noise=0.052),
     "servo lag, quiet": within(lag),
     "two trims": two_trims,
-    "clock 10 % fast": changed(lambda c, _: c, step=0.009),
-    "clock 20 % fast": changed(lambda c, _: c, step=0.008),
+    "clock 10 % fast": changed(lambda c, *_: c, step=0.009),
+    "clock 20 % fast": changed(lambda c, *_: c, step=0.008),
     "rates in deg/s": mapped(np.degrees, RATES),
     "rates in deg/s, no attitude": mapped(np.degrees, RATES, without=(*ANGLES, "psi")),
     "2 % dropped, restamped": changed(dropped),
     "16 % lost in bursts, filled": changed(bursts),
     "p of the wrong sign": mapped(np.negative, ("p",)),
     "attitude in degrees": mapped(np.degrees, ANGLES),
-    "gusts": gusts,
+    "gusts": changed(gusts),
     "rate 20 % off": mapped(lambda v: 1.2 * v, ("p",)),
     "output filter of 40 ms": mapped(lambda v: lag(np.repeat(v, EVERY), 0.04)[::EVERY], RATES),
     "motion clipped": mapped(lambda v: v.clip(-(most := 0.4 * abs(v).max()), most), RATES),

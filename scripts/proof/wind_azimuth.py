@@ -5,24 +5,18 @@ python scripts/proof/wind_azimuth.py
 
 import math
 
-import common
-
 from helisim.vehicle import load
 
 AZIMUTHS = range(0, 360, 30)
 
-
-def main() -> None:
-    for name in ("jr700", "lynx"):
-        vehicle, rows = load(name), []
-        for speed in (5, 10, 15):
-            ways = [
-                (-speed * math.cos(a), -speed * math.sin(a)) for a in map(math.radians, AZIMUTHS)
-            ]
-            pedals = [vehicle.trimmed(wind=(*way, 0.0)).trim.ped for way in ways]
-            rows.append((f"{speed:>6} m/s", *(pedal - vehicle.trim.ped for pedal in pedals)))
-        common.table("|".join([f"{name:<6} deg:<10", *(f"{one}:7.3f" for one in AZIMUTHS)]), rows)
-
-
 if __name__ == "__main__":
-    common.run(main)
+    for name in ("jr700", "lynx"):
+        vehicle = load(name)
+        print(f"{name:<6} deg" + "".join(f"{degrees:>7}" for degrees in AZIMUTHS))
+        for speed in (5, 10, 15):
+            print(f"{speed:>6} m/s", end="")
+            for azimuth in map(math.radians, AZIMUTHS):
+                wind = (-speed * math.cos(azimuth), -speed * math.sin(azimuth), 0.0)
+                pedal = vehicle.trimmed(wind=wind).trim.ped - vehicle.trim.ped
+                print(f"{pedal:>7.3f}", end="")
+            print()
