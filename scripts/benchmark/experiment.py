@@ -75,8 +75,11 @@ def main(flights: int = 10) -> None:
         clock("compilation")
         names = {model.name for model in MODELS}
         ground = "ground tests, identification, truth"
-        told = lambda what: clock(ground if what in names else "flights, recorded")  # noqa: E731
         out = Path(folder) / "run"
+
+        def told(what: str) -> None:
+            clock(ground if what in names else "flights, recorded")
+
         run = reproduce(out=out, flights=flights, rotor=True, on_progress=told)
         write_report(out, run)
         clock("report")
