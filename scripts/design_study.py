@@ -102,13 +102,18 @@ def errors(run: DesignRun) -> Iterator[Error]:
         rated = [(share, row.spec.criterion.rate(loop).figures) for share, loop in air]
         over = {name: sum(share * of[name] for share, of in rated) for name in rated[0][1]}
         for name, one in row.figures.items():
+            exact, predicted, flown = (
+                math.nan if one[who] is None else one[who]
+                for who in ("exact", "predicted", "flown")
+            )
             if name in BARS:
-                exact, *numbers = (
-                    math.nan if one[who] is None else one[who]
-                    for who in ("exact", "predicted", "flown")
+                yield Error(
+                    row.spec.criterion.axis,
+                    name,
+                    exact,
+                    off(name, predicted, exact),
+                    off(name, flown, over[name]),
                 )
-                offs = map(off, (name, name), numbers, (exact, over[name]))
-                yield Error(row.spec.criterion.axis, name, exact, *offs)
 
 
 def off(figure: str, value: float, exact: float) -> float:
