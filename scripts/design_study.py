@@ -15,10 +15,12 @@ import re
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parent / "proof"))
+import common
 
 import helisim as hs
 from helisim.design.exact import air_met, exact_loop, hands_off
@@ -75,13 +77,14 @@ def main(flights: int = 10, seed: int = 1) -> int:
 
 def errors_are_small(run: DesignRun) -> bool:
     found = list(errors(run))
-    print(f"{'axis':6}{'figure':14}{'exact':>10}{'predicted':>13}{'flown':>13}{'bar':>10}")
-    for one in found:
-        bar, unit = BARS[one.figure]
-        print(
-            f"{one.axis:6}{one.figure:14}{one.exact:10.4g}{one.predicted:+13.3f}"
-            f"{one.flown:+13.3f}{bar:>6g} {unit:3}{'' if one.fine else '  missed'}"
-        )
+    common.table(
+        "axis:<6|figure:<14|exact:10.4g|predicted:+13.3f|flown:+13.3f|bar:10|:<8",
+        (
+            (*one, f"{bar:>6g} {unit:3}", "" if one.fine else "  missed")
+            for one in found
+            for bar, unit in [BARS[one.figure]]
+        ),
+    )
     return all(one.fine for one in found)
 
 
@@ -188,5 +191,5 @@ def changed(folder: Path, name: str, factor: float) -> hs.Vehicle:
 
 
 if __name__ == "__main__":
-    warnings.simplefilter("ignore")  # what flights say of themselves is in the proof's remarks
-    sys.exit(main(*map(int, sys.argv[1:])))
+    with common.quiet():  # what flights say of themselves is in the proof's remarks
+        common.run(main)

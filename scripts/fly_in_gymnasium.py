@@ -29,6 +29,21 @@ def agent(seen: np.ndarray) -> np.ndarray:
     return np.column_stack([col, lon, lat, ped])
 
 
+def flown(env, act, seed: int) -> tuple[np.ndarray, ...]:
+    """Return each one's return, frames, m off at last, and whether it was lost, (n,)."""
+    seen, _ = env.reset(seed=seed)
+    score, frames, off = np.zeros((3, len(seen)))
+    flying = np.ones(len(seen), dtype=bool)
+    for _ in range(500):
+        off[flying] = np.linalg.norm(seen[flying, :3], axis=1)
+        seen, reward, terminated, _, _ = env.step(act(seen))
+        score += reward * flying
+        frames += flying
+        flying &= ~terminated
+    env.close()
+    return score, frames, off, ~flying
+
+
 def main(episodes: int = 32) -> None:
     """Print what is seen, and how the episodes went."""
     env = gymnasium.make_vec(
@@ -40,14 +55,8 @@ def main(episodes: int = 32) -> None:
     )
     for one in env.unwrapped.observations:
         print(f"{one.name:22}{one.unit:7}{one.scale:<6g}{one.meaning}")
-    seen, _ = env.reset(seed=1)
-    score, lost = np.zeros(episodes), np.zeros(episodes, dtype=bool)
-    for _ in range(500):
-        seen, reward, terminated, _, _ = env.step(agent(seen))
-        lost |= terminated
-        score += np.where(lost, 0.0, reward)
+    score, _, _, lost = flown(env, agent, 1)
     print(f"{episodes} episodes: mean return {score.mean():.0f} of 500, {lost.sum()} lost")
-    env.close()
 
 
 if __name__ == "__main__":

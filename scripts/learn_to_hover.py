@@ -12,14 +12,13 @@ from 2.5 m (`servos.webp`). It needs `pip install stable-baselines3`; without a 
 
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import gymnasium
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from fly_in_gymnasium import agent
+from fly_in_gymnasium import agent, flown
 from PIL import Image
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
@@ -64,24 +63,6 @@ def trained(minutes: float, settings: dict) -> tuple[PPO, Curve]:
     return policy, curve
 
 
-def flown(act: Callable[[np.ndarray], np.ndarray], settings: dict) -> str:
-    """Return how 64 episodes of ten seconds go under an agent of observations, (64, 17)."""
-    env = gymnasium.make_vec(
-        "helisim/Hover-v0", HELICOPTERS, vectorization_mode="vector_entry_point", **settings
-    )
-    seen, _ = env.reset(seed=1000)
-    score, frames = np.zeros(HELICOPTERS), np.zeros(HELICOPTERS)
-    off, flying = np.zeros(HELICOPTERS), np.ones(HELICOPTERS, dtype=bool)
-    for _ in range(500):
-        off[flying] = np.linalg.norm(seen[flying, :3], axis=1)
-        seen, reward, terminated, _, _ = env.step(act(seen))
-        score += reward * flying
-        frames += flying
-        flying &= ~terminated
-    env.close()
-    return f"{score.mean():8.1f}{0.02 * frames.mean():10.2f}{off.mean():10.2f}"
-
-
 def filmed(policy: PPO, path: Path) -> None:
     """Draw nine seconds of a policy by the servos, from a start 2.5 m off."""
     shown = {"render_mode": "rgb_array", "width": 400, "height": 260}
@@ -123,7 +104,10 @@ def main(minutes: float = 5.0, folder: str = "hover") -> None:
     figure.savefig(path / "curve.png", dpi=120)
     print(f"{'':34}{'return':>8}{'s of 10':>10}{'m off':>10}")
     for name, (action, act) in agents.items():
-        print(f"{name:34}{flown(act, SETTINGS[action])}")
+        way = {"vectorization_mode": "vector_entry_point", **SETTINGS[action]}
+        env = gymnasium.make_vec("helisim/Hover-v0", HELICOPTERS, **way)
+        score, frames, off, _ = (one.mean() for one in flown(env, act, 1000))
+        print(f"{name:34}{score:8.1f}{0.02 * frames:10.2f}{off:10.2f}")
     filmed(PPO.load(path / "servos.zip", device="cpu"), path / "servos.webp")
 
 

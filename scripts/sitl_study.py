@@ -9,55 +9,177 @@
   states (ArduPilot, libraries/SITL/SIM_Helicopter.cpp; those of its Blade 360 are Walker's and
   Tischler's, VFS Forum 77, 2021), in the same units.
 
-And `helisim margins LOG` on a flight of the JR700 whose sweeps go to 24 Hz, beside the exact loops:
-what `scripts/proof/flown_loops.py` prints.
-
 A bound is the Cramér-Rao bound that is printed beside a value. Delays are no derivatives, and are
-left out. The exit status is 1 if a bar is missed.
+left out.
+
+And `helisim margins LOG`, with nothing else, beside the exact loops: ArduCopter's law from the
+parameters in the log (`helisim.handling.arducopter`, which repeats an ArduCopter's own terms tick
+by tick), and the exact linearisation of the vehicle that flew, motor and all, sampled at the
+autopilot's ticks. Its pulses act at once and are held for a tick; the tail's go out a tick later.
+Sweeps of the JR700 go to 24 Hz. Crossover and DRB are frequencies: judged is by how many dB the
+exact curve misses 0 dB, or -3 dB, where the measured one has them. The curves themselves are judged
+where 0.1 < |L| < 10.
 
     python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
-    python scripts/sitl_study.py --loops loops.bin
+    python scripts/sitl_study.py --loops loops.bin --heli-loops heli.bin
     python scripts/sitl_study.py --fly FOLDER                          all are flown, some minutes
 
-What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs stay in FOLDER.
+What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs stay in FOLDER. The
+exit status is 1 if a bar is missed, or a figure was not measured.
 """
 
-import argparse
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import redirect_stdout
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent / "proof"))
-import flown_loops
+import ardupilots_helicopter as heli_flights
+import common
 
 from helisim.base.files import read_toml
+from helisim.base.linear import Linear, LinearSystem
+from helisim.base.units import STANDARD_GRAVITY
+from helisim.cli import main as command
+from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures import HALF_POWER, margins, rejection
+from helisim.handling.loop import axis_of
+from helisim.handling.measured.interval import Interval
+from helisim.handling.measured.margins import MeasuredMargins
 from helisim.ident import load_fit
 from helisim.logs.dataflash import DataFlash
+from helisim.look.loops import flown_law, flown_loops
+from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Mixer, command_scale
+from helisim.vehicle import Vehicle
 
-JR700 = "jr700"
-BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
+JR700, HELI, LOOPS = "jr700", "heli", "loops"
+BARS = {JR700: 2.0, HELI: 3.0, "heli-blade360": 3.0}
 """Whose log -> largest median error, percent."""
-LARGEST = {JR700: 3.0}
-"""Whose log -> largest error of a derivative, percent."""
+LARGEST = 3.0  # Percent: largest error of a derivative of the JR700.
 INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
-AXES = ("lat", "lon", "ped", "col")
-_OWN_HELICOPTER = Path(__file__).parent / "proof" / "ardupilots_helicopter.py"
-LOOPS = "loops"  # The flight of the JR700 whose sweeps go beyond its gain margins.
-
-
+DECIBEL, DEGREES = 0.5, 3.0  # The bars of loops.
+_JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
+_FINE = 2000
 SOURCES = read_toml(Path(__file__).with_suffix(".toml"))
 """Coefficients of ArduPilot's own helicopters, as its source has them."""
+OUTPUTS = (*RATES, *ATTITUDES)
+Array = NDArray[np.float64]
 
 
-class Row(NamedTuple):
+def commanded(parameters: Mapping[str, float], hover: float) -> tuple[Vehicle, Array]:
+    """Return the JR700 that flew, and its inputs by ArduPilot's commands, (4, 4), as `IN1`.
+
+    ArduPilot's parameters are by name; `hover` is the throttle of the hover, 0 to 1.
+    """
+    aircraft = Aircraft(JR700)
+    plate = aircraft.vehicle.swashplate
+    return aircraft.vehicle, command_scale(Mixer(parameters), aircraft.outputs, plate, hover)
+
+
+def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
+    """Return the derivatives of the JR700 by ArduPilot's commands."""
+    vehicle, scale = commanded(parameters, hover)
+    by, own = dict(zip(IN1, np.diag(scale))), vehicle.derivatives.items()
+    return {name: value * by.get(name.partition("_")[2], 1.0) for name, value in own}
+
+
+def exact_plant(parameters: Mapping[str, float], hover: float, period: float) -> LinearSystem:
+    """Return the JR700 that flew at ticks of a period (s), by ArduPilot's commands."""
+    vehicle, scale = commanded(parameters, hover)
+    linear = vehicle.linearize().select(IN1, OUTPUTS)
+    by = scale[:, [IN1.index(name) for name in COMMANDS]]
+    direct = np.zeros((len(OUTPUTS), len(COMMANDS)))
+    own = LinearSystem(linear.a, linear.b @ by, linear.c, direct, None, COMMANDS, OUTPUTS)
+    return replace(own.discretise(period), delays={"ped": period})
+
+
+def stated(
+    source: Mapping[str, float], parameters: Mapping[str, float], hover: float
+) -> dict[str, float]:
+    """Return the derivatives that ArduPilot's source states, by its commands."""
+    mixer = Mixer(parameters)
+
+    def moved(axis: str) -> np.ndarray:
+        at = {"col": hover, "ped": 0.1}
+        ends = []
+        for step in (1e-3, -1e-3):
+            pulses = mixer.exact({**at, axis: at.get(axis, 0.0) + step})
+            s = [(pulses[channel] - 1000.0) / 1000.0 for channel in (1, 2, 3, 4)]
+            roll, pitch = 1.283 * (s[0] - s[1]), 1.48 * ((s[0] + s[1]) / 2.0 - s[2])
+            less = source["less_cyclic"]
+            ends.append((roll / less, pitch / less, 2.0 * source["yaw"] * s[3], sum(s[:3]) / 3.0))
+        return (np.array(ends[0]) - ends[1]) / 2e-3
+
+    lat, lon, ped, col = map(moved, ("lat", "lon", "ped", "col"))
+    return {
+        **{name: source[name] for name in ("tau_f", "L_b", "M_a", "A_b", "B_a", "N_r", "Z_w")},
+        **{
+            f"{tilt}_{axis}": source[f"{moment}flt"] * by[0] + source[f"{moment}flg"] * by[1]
+            for tilt, moment in (("A", "M"), ("B", "L"))
+            for axis, by in (("lat", lat), ("lon", lon))
+        },
+        "N_ped": source["N_ped"] * ped[2],
+        "Z_col": source["Z_col"] * col[3],
+    }
+
+
+_FRAME = 833e-6  # s, of ArduPilot's own helicopter's frames: 1200 a second, in whole microseconds
+_FRAMES, _DELAY = 3, 60  # frames of a tick, and of its servos' 50 ms of delay
+_AGE = _FRAME / 6.0  # s: its gyro is sampled 1000 times a second, at five of six frames
+_LEAN, _G = np.radians(3.2), STANDARD_GRAVITY  # rad, with which it hovers
+_SIDE = 0.2 / 0.85 / 4.54  # inertia in yaw over the tail's arm and the mass
+_ORDER = (("b", "a"), ("p", "q", "r"), ("u", "v", "phi", "theta", "psi"))
+
+
+def ardupilots_helicopter(parameters: Mapping[str, float]) -> LinearSystem:
+    """Return ArduPilot's own simulated helicopter at the autopilot's ticks.
+
+    It is integrated by Euler's method, each frame: the rotor's tilts by the rates before, the rates
+    by the new tilts, speeds and attitudes by the new rates.
+    """
+    true = stated(SOURCES[HELI], parameters, 0.5)
+    lag, sine, cosine = 1.0 / true["tau_f"], np.sin(_LEAN), np.cos(_LEAN)
+    roll, pitch = ({axis: lag * true[f"{x}_{axis}"] for axis in ("lat", "lon")} for x in "BA")
+    rates = {
+        "b": {"p": -1.0, "b": -lag, "a": lag * true["B_a"], **roll},
+        "a": {"q": -1.0, "a": -lag, "b": lag * true["A_b"], **pitch},
+        "p": {"b": true["L_b"], "v": -0.006},
+        "q": {"a": true["M_a"], "u": 0.003},
+        "r": {"r": true["N_r"], "ped": true["N_ped"]},
+        "u": {"u": -0.125, "a": -_G, "theta": -_G},
+        "v": {"v": -0.375, "b": _G, "phi": _G}
+        | {"r": -true["N_r"] * _SIDE, "ped": -true["N_ped"] * _SIDE},
+        "phi": {"p": 1.0},
+        "theta": {"q": cosine, "r": -sine},
+        "psi": {"q": sine, "r": cosine},
+    }
+    states, n, m = list(rates), len(rates), len(COMMANDS)
+    change = np.array([[one.get(by, 0.0) for by in (*states, *COMMANDS)] for one in rates.values()])
+    frame = np.eye(n + m)
+    for names in _ORDER:
+        at = [states.index(name) for name in names]
+        frame[at] += _FRAME * change[at] @ frame
+    tick = np.linalg.matrix_power(frame, _FRAMES)  # of states and of commands, which are held
+    c, d = np.eye(n)[[states.index(name) for name in OUTPUTS]], np.zeros((len(OUTPUTS), m))
+    return LinearSystem(
+        *(tick[:n, :n], tick[:n, n:], c, d, _FRAME * _FRAMES, COMMANDS, OUTPUTS),
+        delays={name: _FRAME * (_DELAY + _FRAMES * (name == "ped")) for name in COMMANDS},
+        output_delays=dict.fromkeys(RATES, _AGE),
+    )
+
+
+class Derivative(NamedTuple):
     """One derivative: identified, its bound and standard error, and the truth."""
 
     name: str
@@ -75,145 +197,185 @@ class Row(NamedTuple):
     def inside(self) -> bool:
         return abs(self.value - self.truth) <= self.bound
 
-    def __str__(self) -> str:
-        mark = "" if self.inside else "  outside"
-        return (
-            f"{self.name:<8}{self.unit:<8}{self.value:>12.5g}{self.truth:>12.5g}{self.error:>9.2f}"
-            f"{100.0 * self.bound / abs(self.value):>9.2f}"
-            f"{100.0 * self.deviation / abs(self.value):>9.2f}{mark}"
-        )
 
-
-def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "model.json")
-        command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
-        command += ["--json", str(model)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode not in (0, 1, 3):  # 1 and 3 are fits that it finds wrong or doubtful
-            sys.exit(done.stderr.strip())
-        fits = [load_fit(path) for path in sorted(model.parent.glob("*.json"))]
-    return {
-        name: (one.value, one.cramer_rao, one.standard_error, one.definition.unit)
-        for fit in fits
-        for name, one in fit.parameters.items()
-        if not one.definition.fixed  # assumed, not found
-    }
-
-
-def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
-    aircraft = Aircraft(JR700)
-    vehicle = aircraft.vehicle
-    scale = command_scale(Mixer(parameters), aircraft.outputs, vehicle.swashplate, hover)
-    by = dict(zip(("col", "lon", "lat", "ped"), np.diag(scale)))  # by the autopilot's
-    own = vehicle.derivatives.items()
-    return {name: value * by.get(name.partition("_")[2], 1.0) for name, value in own}
-
-
-def stated(
-    source: Mapping[str, float], parameters: Mapping[str, float], hover: float
-) -> dict[str, float]:
-    mixer = Mixer(parameters)
-
-    def moved(axis: str) -> np.ndarray:
-        at = {"col": hover, "ped": 0.1}
-        ends = []
-        for step in (1e-3, -1e-3):
-            pulses = mixer.exact({**at, axis: at.get(axis, 0.0) + step})
-            s = [(pulses[channel] - 1000.0) / 1000.0 for channel in (1, 2, 3, 4)]
-            roll, pitch = 1.283 * (s[0] - s[1]), 1.48 * ((s[0] + s[1]) / 2.0 - s[2])
-            less = source["less_cyclic"]
-            ends.append((roll / less, pitch / less, 2.0 * source["yaw"] * s[3], sum(s[:3]) / 3.0))
-        return (np.array(ends[0]) - ends[1]) / 2e-3
-
-    lat, lon, ped, col = map(moved, AXES)
-    return {
-        **{name: source[name] for name in ("tau_f", "L_b", "M_a", "A_b", "B_a", "N_r", "Z_w")},
-        **{
-            f"{tilt}_{axis}": source[f"{moment}flt"] * by[0] + source[f"{moment}flg"] * by[1]
-            for tilt, moment in (("A", "M"), ("B", "L"))
-            for axis, by in (("lat", lat), ("lon", lon))
-        },
-        "N_ped": source["N_ped"] * ped[2],
-        "Z_col": source["Z_col"] * col[3],
-    }
-
-
-def rows(whose: str, log: Path) -> list[Row]:
+def derivatives(whose: str, log: Path) -> list[Derivative]:
     flown = DataFlash(log)
-    parameters, sweeps = flown.parameters(), flown.table("SIDD").time
-    hover = flown_loops.throttle(flown, sweeps[0], sweeps[-1])
-    found = identified(log)
+    parameters, swept = flown.parameters(), flown.table("SIDD").time
+    hover = throttle(flown, swept[0], swept[-1])
     mine = whose == JR700
     true = exact_jr700(parameters, hover) if mine else stated(SOURCES[whose], parameters, hover)
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["identify", str(log), "--quiet", "--json", str(Path(folder, "model.json"))]
+        with redirect_stdout(StringIO()):
+            status = command(words)
+        if status not in (0, 1, 3):  # 1 and 3 are fits that it finds wrong or doubtful
+            sys.exit(f"{log} is not identified")
+        fits = [load_fit(path) for path in sorted(Path(folder).glob("*.json"))]
     return [
-        Row(name, unit, value, bound, deviation, true[name])
-        for name, (value, bound, deviation, unit) in found.items()
-        if name in true
+        Derivative(name, one.unit, one.value, one.cramer_rao, one.standard_error, true[name])
+        for name, one in {name: one for fit in fits for name, one in fit.parameters.items()}.items()
+        if name in true and not one.fixed  # assumed, not found
     ]
 
 
 def judged(whose: str, log: Path) -> list[str]:
-    table = rows(whose, log)
-    if not table:
+    found = derivatives(whose, log)
+    if not found:
         sys.exit(f"{log}: no derivative of {whose} is identified")
     print(f"\n{whose}: {log}")
-    headings = ("identified", "truth", "error %", "bound %", "std. %")
-    print(f"{'':<16}" + "".join(f"{one:>{12 if k < 2 else 9}}" for k, one in enumerate(headings)))
-    print(*table, sep="\n")
-    errors = [abs(one.error) for one in table]
+    common.table(
+        ":<8|:<8|identified:12.5g|truth:12.5g|error %:9.2f|bound %:9.2f|std. %:9.2f|:<9",
+        (
+            (*one[:2], one.value, one.truth, one.error, 100.0 * one.bound / abs(one.value),
+             100.0 * one.deviation / abs(one.value), "" if one.inside else "  outside")
+            for one in found
+        ),
+    )  # fmt: skip
+    errors = [abs(one.error) for one in found]
     error, largest = median(errors), max(errors)
-    inside = 100.0 * sum(one.inside for one in table) / len(table)
-    near = sum(abs(one.value - one.truth) <= 2.0 * one.deviation for one in table)
+    inside = 100.0 * sum(one.inside for one in found) / len(found)
+    near = sum(abs(one.value - one.truth) <= 2.0 * one.deviation for one in found)
     print(
         f"median error {error:.2f} % (bar {BARS[whose]:g}), largest {largest:.2f} %; inside their "
-        f"bounds {inside:.0f} % (bar {INSIDE:g}); within two standard errors {near} of {len(table)}"
+        f"bounds {inside:.0f} % (bar {INSIDE:g}); within two standard errors {near} of {len(found)}"
     )
     bars = (
         (error - BARS[whose], f"median error {error:.2f} %", BARS[whose]),
-        (largest - LARGEST.get(whose, np.inf), f"largest error {largest:.2f} %", LARGEST[JR700]),
+        (largest - LARGEST if whose == JR700 else 0.0, f"largest error {largest:.2f} %", LARGEST),
         (INSIDE - inside, f"{inside:.0f} % inside their bounds", INSIDE),
     )
     return [f"{whose}: {what}, bar {bar:g} %" for over, what, bar in bars if over > 0.0]
 
 
+class Figure(NamedTuple):
+    """A loop's figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
+
+    axis: str
+    figure: str
+    value: float
+    low: float
+    high: float
+    exact: float
+    unit: str
+    off: float
+    bar: float
+
+
+def figures(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Figure]:
+    rows = []
+    measured = {(one.axis, one.name): one.interval for one in found.figures}
+    for axis in found.loop.axes:
+        curve = found.loop.broken(axis)
+        fine = ClosedLoop(plant, law, np.geomspace(*curve.frequency[[0, -1]], _FINE))
+        loop, rejects = fine.broken(axis), fine.disturbance(axis)
+        exact, turned = margins(loop), rejection(rejects)
+        phase = np.degrees(min((abs(one) for _, one in exact.phase), default=np.nan))
+        gain = min((abs(one) for _, one in exact.gain), default=np.nan)
+        for name, unit, true, above in (
+            ("crossover", "rad/s", exact.crossover, loop.decibel),
+            ("phase_margin", "deg", phase, None),
+            ("gain_margin", "dB", gain, None),
+            ("DRB", "rad/s", turned.bandwidth, rejects.decibel - HALF_POWER),
+            ("DRP", "dB", turned.peak, None),
+        ):
+            own = measured.get((axis, name), Interval(np.nan, np.nan, np.nan))
+            off = own.value - true
+            if above is not None:
+                off = np.interp(np.log(own.value), np.log(loop.frequency), above)
+            bar = DEGREES if unit == "deg" else DECIBEL
+            rows.append(Figure(axis, name, own.value, own.low, own.high, true, unit, off, bar))
+        true = ClosedLoop(plant, law, curve.frequency).broken(axis).response
+        near = np.abs(np.log(np.abs(true))) < np.log(_JUDGED)
+        ratio, at = curve.response[near] / true[near], curve.frequency[near]
+        decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+        for name, off, bar in ("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES):
+            worst = int(np.argmax(np.abs(off)))
+            where = at[worst], at[0], at[-1]
+            rows.append(Figure(axis, name, *where, np.nan, "rad/s", off[worst], bar))
+    return rows
+
+
+def throttle(log: DataFlash, start: float, stop: float) -> float:
+    """Return the median throttle, 0 to 1, between two times of a log, s."""
+    table = log.table("RATE")
+    between = (table.time >= start) & (table.time <= stop)
+    return float(np.median(np.asarray(table["AOut"], float)[between]))
+
+
+def judged_loops(log: Path, *, own: bool) -> list[str]:
+    """Print the loops of a log beside the exact ones, of ArduPilot's own helicopter or the JR700.
+
+    Return the bars that are missed.
+    """
+    flown, opened = flown_loops(log), DataFlash(log)
+    swept = [sweep for one in flown.logs.values() for sweep in one]
+    start, stop = (opened.begins + one for one in (swept[0].start, swept[-1].stop))
+    hover, parameters = throttle(opened, start, stop), opened.parameters()
+    law = flown_law(opened, start)
+    plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
+    found = figures(flown.margins(), plant, law)
+    print(f"\nloops as flown: {log}")
+    common.table(
+        ":<6|:<14|measured:9.3f|95 % from:9.3f|to:9.3f|exact:9.3f| :<7|off:+8.3f|:<12",
+        (
+            (*one[:6], f" {one.unit}", one.off, f" {'deg' if one.bar == DEGREES else 'dB'}{mark}")
+            for one in found
+            for mark in ["" if abs(one.off) <= one.bar else "  missed"]
+        ),
+    )
+    exact = [one for one in found if np.isfinite(one.exact)]
+    inside = sum(one.low <= one.exact <= one.high for one in exact)
+    print(f"{inside} of {len(exact)} exact figures are inside their 95 % intervals")
+    return [
+        f"loop of {axis_of(one.axis).word}: {one.figure} off by {one.off:+.2f}, bar {one.bar:g}"
+        for one in found
+        if not abs(one.off) <= one.bar
+    ]
+
+
 def flown(whose: str, log: Path) -> Path:
-    if whose in (JR700, LOOPS):
-        script = "sysid,stop_hz=24" if whose == LOOPS else "sysid"
-        axes = "roll,pitch,yaw,thrust" if whose == JR700 else "roll,pitch,yaw"
-        sweeps = ["--script", script, "--axes", axes, "--log", str(log)]
-        governor = ["--set", "drive.governor=ideal"] if whose == JR700 else []
-        command = [sys.executable, "-m", "helisim", "sitl", "--vehicle", JR700, *sweeps, *governor]
-    else:
-        command = [sys.executable, str(_OWN_HELICOPTER), str(log), whose]
     print(f"{whose} is flown", flush=True)
-    if subprocess.run(command, check=False).returncode:
+    if whose == HELI:
+        heli_flights.main(str(log), whose)
+        return log
+    words = [
+        "--script",
+        "sysid",
+        "--axes",
+        "roll,pitch,yaw,thrust",
+        "--set",
+        "drive.governor=ideal",
+    ]
+    if whose == LOOPS:
+        words = ["--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw"]
+    if command(["sitl", "--vehicle", JR700, *words, "--log", str(log)]):
         sys.exit(f"{whose} was not flown to its end")
     return log
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    for whose in BARS:
-        parser.add_argument(f"--{whose}", type=Path, nargs="+", default=[], metavar="LOG")
-    parser.add_argument(f"--{LOOPS}", type=Path, nargs="+", default=[], metavar="LOG")
-    parser.add_argument("--fly", type=Path, metavar="FOLDER", help="fly them first, logs to here")
-    options = vars(parser.parse_args(arguments))
-    logs: dict[str, list[Path]] = {
-        whose: options[whose.replace("-", "_")] for whose in (*BARS, LOOPS)
-    }
-    if (folder := options["fly"]) is not None:
+def main(
+    *,
+    jr700: list[Path] = (),
+    heli: list[Path] = (),
+    heli_blade360: list[Path] = (),
+    loops: list[Path] = (),
+    heli_loops: list[Path] = (),
+    fly: str = "",
+) -> int:
+    if fly:
+        folder = Path(fly)
         folder.mkdir(parents=True, exist_ok=True)
-        for whose in (JR700, "heli", LOOPS):
-            logs[whose].append(flown(whose, folder / f"{whose}.bin"))
-    if not any(logs.values()):
-        parser.error("no log is named, and nothing is to be flown")
-    missed = [bar for whose in BARS for log in logs[whose] for bar in judged(whose, log)]
-    if logs[LOOPS] and flown_loops.main([str(log) for log in logs[LOOPS]]):
-        missed.append("figures of loops, above")
+        made = [[flown(one, folder / f"{one}.bin")] for one in (JR700, HELI, LOOPS)]
+        jr700, heli, loops = ([*a, *b] for a, b in zip((jr700, heli, loops), made))
+    if not any((jr700, heli, heli_blade360, loops, heli_loops)):
+        sys.exit("no log is named, and nothing is to be flown")
+    logs = zip(BARS, (jr700, heli, heli_blade360))
+    missed = [bar for whose, some in logs for log in some for bar in judged(whose, log)]
+    for own, some in enumerate((loops, heli_loops)):
+        missed += [bar for log in some for bar in judged_loops(log, own=bool(own))]
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    common.run(main)

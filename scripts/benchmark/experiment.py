@@ -17,53 +17,48 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
 
 class Clock:
-    """Sums up wall and processor seconds by part."""
+    """Sums up wall and processor seconds by part, each since the one before."""
 
     def __init__(self) -> None:
-        self.parts: dict[str, list[float]] = {}
-        self._last = (time.perf_counter(), time.process_time())
+        self.parts: dict[str, np.ndarray] = {}
+        self._last = now()
 
     def __call__(self, part: str) -> None:
-        now = (time.perf_counter(), time.process_time())
-        spent = self.parts.setdefault(part, [0.0, 0.0])
-        for k in range(2):
-            spent[k] += now[k] - self._last[k]
-        self._last = now
-
-    def __str__(self) -> str:
-        whole = [sum(spent[k] for spent in self.parts.values()) for k in range(2)]
-        rows = [("", "wall s", "CPU s")] + [
-            (part, f"{wall:.1f}", f"{cpu:.1f}")
-            for part, (wall, cpu) in (*self.parts.items(), ("all", whole))
-        ]
-        return "\n".join(f"{part:<42}{wall:>8}{cpu:>8}" for part, wall, cpu in rows)
+        last, self._last = self._last, now()
+        self.parts[part] = self.parts.get(part, 0.0) + self._last - last
 
 
-def whole_command(folder: str, flights: int) -> tuple[float, float]:
+def now(who: int = resource.RUSAGE_SELF) -> np.ndarray:
+    used = resource.getrusage(who)
+    return np.array([time.perf_counter(), used.ru_utime + used.ru_stime])
+
+
+def show(part: str, spent: np.ndarray) -> None:
+    print(f"{part:<42}{spent[0]:>8.1f}{spent[1]:>8.1f}", flush=True)
+
+
+def whole_command(folder: str, flights: int) -> np.ndarray:
     words = ["reproduce", "--quiet", "--flights", str(flights), "--out", f"{folder}/command"]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/compiled"}
-    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    begun = now(resource.RUSAGE_CHILDREN)
     subprocess.run(
         [sys.executable, "-m", "helisim", *words],
-        env=environment,
+        env={**os.environ, "NUMBA_CACHE_DIR": f"{folder}/compiled"},
         stdout=subprocess.DEVNULL,
         check=False,  # with few flights a tolerance may be missed
     )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return time.perf_counter() - start, spent
+    return now(resource.RUSAGE_CHILDREN) - begun
 
 
 def main(flights: int = 10) -> None:
-    load = os.getloadavg()[0]
-    print(f"{f'load of the machine {load:.1f}':<42}{'wall s':>8}{'CPU s':>8}")
+    head = f"{'wall s':>8}{'CPU s':>8}"
+    print(f"{f'load of the machine {os.getloadavg()[0]:.1f}':<42}{head}")
     with tempfile.TemporaryDirectory() as folder:
         for state in ("cold", "warm"):
-            wall, cpu = whole_command(folder, flights)
-            print(f"{f'helisim reproduce, {state}':<42}{wall:>8.1f}{cpu:>8.1f}", flush=True)
-    print()
+            show(f"helisim reproduce, {state}", whole_command(folder, flights))
     clock = Clock()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
@@ -79,29 +74,28 @@ def main(flights: int = 10) -> None:
         native.compiled()
         clock("compilation")
         names = {model.name for model in MODELS}
+        ground = "ground tests, identification, truth"
         out = Path(folder) / "run"
-        run = reproduce(
-            out=out,
-            flights=flights,
-            rotor=True,
-            on_progress=lambda what: clock(
-                "ground tests, identification, truth" if what in names else "flights, recorded"
-            ),
-        )
+
+        def told(what: str) -> None:
+            clock(ground if what in names else "flights, recorded")
+
+        run = reproduce(out=out, flights=flights, rotor=True, on_progress=told)
         write_report(out, run)
         clock("report")
         records, model = named_records(run.flights), load_vehicle("jr700").visual_model()
         write_recording(Path(folder) / "run.rrd", records, model=model)
         clock("Rerun recording")
     count = sum(map(len, run.flights.values()))
-    print(f"the experiment with a recording, {count} flights kept, cold, part by part:")
-    print(clock)
-    alone = Clock()
+    print(f"\nthe experiment with a recording, {count} flights kept, cold, part by part:")
+    print(f"{'':<42}{head}")
+    for part, spent in (*clock.parts.items(), ("all", sum(clock.parts.values()))):
+        show(part, spent)
     found = {table.name: table for table in run.results.tables}
+    alone = now()
     for model in MODELS:
         identify_model(model, run.flights, before=found, ground=run.results.ground)
-    alone(f"identification of {len(MODELS)} models alone")
-    print("\n".join(str(alone).splitlines()[1:-1]))
+    show(f"identification of {len(MODELS)} models alone", now() - alone)
 
 
 if __name__ == "__main__":

@@ -48,35 +48,31 @@ OUTPUTS = tuple(
 """What helisim's sensors write too, as far as JSBSim has it."""
 
 
-def least(works: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:
-    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
-    return {name: min(one[name] for one in found) for name in works}
-
-
 @cfunc(types.float64())
 def resting() -> float:
     return 0.0
 
 
 def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
+    """Return the least time of a step, s, of some rounds of everything in turn."""
     works: dict[str, Callable[[], float]] = {}
-    ground = hs.Ground()
-    plan = hs.FlightPlan(
-        excitation=hs.Sweep(axis="lat"), weather=hs.Weather(turbulence="light"), ground=ground
-    )
+    sweep, ground = hs.Sweep(axis="lat"), hs.Ground()
+    rough = {"weather": hs.Weather(turbulence="light"), "ground": ground}
     for integrator in INTEGRATORS:
         vehicle = hs.load("jr700", integrator=integrator)
-        model = prepare(vehicle, hs.FlightPlan(excitation=hs.Sweep(axis="lat")), seed=1, number=0)
+        model = prepare(vehicle, hs.FlightPlan(excitation=sweep), seed=1, number=0)
         works |= _of_ours(integrator, vehicle, model)
         vehicle = hs.load("jr700", integrator=integrator, parameters=ALL_ON)
         below = vehicle.grounded_model(ground.put_into)
+        plan = hs.FlightPlan(excitation=sweep, **rough)
         model = prepare(vehicle, plan, seed=1, number=0, model=below)
         works |= _of_ours(f"{integrator}, all on", vehicle, model)
     with contextlib.suppress(ImportError):
         helicopter = ah1s()
         works[READ] = lambda: ah1s_cost(helicopter, OUTPUTS)
         works[UNREAD] = lambda: ah1s_cost(helicopter, ())
-    return least(works, rounds)
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: min(one[name] for one in found) for name in works}
 
 
 def _of_ours(

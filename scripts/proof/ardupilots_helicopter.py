@@ -10,12 +10,12 @@ copter-heli.parm, are read from the folder in which it is.
 """
 
 import select
-import sys
 from pathlib import Path
 
+import common
 import numpy as np
 
-from helisim.base.errors import AutopilotError, HelisimError, InputError, UnknownNameError
+from helisim.base.errors import AutopilotError, InputError, check_known
 from helisim.sitl import Sensed
 from helisim.sitl.pilot import Pilot, Steps, Telemetry
 from helisim.sitl.process import Autopilot, find_program
@@ -65,32 +65,6 @@ def swept(pilot: Pilot, low: float, high: float) -> Steps:
     yield from pilot.wait(5.0)  # its log's end is written
 
 
-def fly(log: Path, model: str, program: Path) -> None:
-    beside = program.parent / "copter-heli.parm"
-    if not beside.is_file():
-        raise InputError(
-            f"{beside}: no such file; copy it from Tools/autotest/default_params of ArduPilot"
-        )
-    defaults = beside.read_text(encoding="ascii")
-    text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
-    with Autopilot(program, text, speed=SPEED, more=("--model", model)) as autopilot:
-        heard = Telemetry(autopilot.telemetry)
-        pilot = Pilot(Seen(heard), heard, lambda said: print(f"{time_of(heard):7.1f} s  {said}"))
-        steps = swept(pilot, *SWEPT[model])
-        sticks = step = 0.0
-        while True:
-            listen(autopilot, pilot)
-            now = time_of(heard)
-            if now >= step:
-                step = now + _STEP
-                if next(steps, "done") == "done":
-                    break
-            if now >= sticks:
-                sticks = now + _STICKS
-                heard.speak(pilot.sticks.pulses)
-        autopilot.keep_log(log)
-
-
 def listen(autopilot: Autopilot, pilot: Pilot) -> None:
     heard, told = pilot.telemetry, len(pilot.telemetry.said)
     if not select.select([autopilot.telemetry], [], [], _SILENCE)[0]:
@@ -105,17 +79,34 @@ def listen(autopilot: Autopilot, pilot: Pilot) -> None:
     pilot.sensed = pilot.aircraft.sensed
 
 
-def main(log: str, model: str = "heli", program: str | None = None) -> None:
-    if model not in SWEPT:
-        raise UnknownNameError("helicopter of ArduPilot's", model, SWEPT)
-    fly(Path(log), model, find_program(program))
+def main(log: str, model: str = "heli", program: str = "") -> None:
+    check_known("helicopter of ArduPilot's", [model], SWEPT)
+    path = find_program(program or None)
+    beside = path.parent / "copter-heli.parm"
+    if not beside.is_file():
+        raise InputError(
+            f"{beside}: no such file; copy it from Tools/autotest/default_params of ArduPilot"
+        )
+    defaults = beside.read_text(encoding="ascii")
+    text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
+    with Autopilot(path, text, speed=SPEED, more=("--model", model)) as autopilot:
+        heard = Telemetry(autopilot.telemetry)
+        pilot = Pilot(Seen(heard), heard, lambda said: print(f"{time_of(heard):7.1f} s  {said}"))
+        steps = swept(pilot, *SWEPT[model])
+        sticks = step = 0.0
+        while True:
+            listen(autopilot, pilot)
+            now = time_of(heard)
+            if now >= step:
+                step = now + _STEP
+                if next(steps, "done") == "done":
+                    break
+            if now >= sticks:
+                sticks = now + _STICKS
+                heard.speak(pilot.sticks.pulses)
+        autopilot.keep_log(Path(log))
     print(f"Written: {log}")
 
 
 if __name__ == "__main__":
-    if not 2 <= len(sys.argv) <= 4:
-        sys.exit("usage: python scripts/proof/ardupilots_helicopter.py LOG [MODEL] [PROGRAM]")
-    try:
-        main(*sys.argv[1:])
-    except HelisimError as error:
-        sys.exit(str(error))
+    common.run(main)

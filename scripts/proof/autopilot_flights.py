@@ -8,13 +8,12 @@ same flight record byte for byte. Exit status 1 if one is missed.
     HELISIM_ARDUPILOT=.../arducopter-heli python scripts/proof/autopilot_flights.py --hover 300
 """
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import common
 import numpy as np
 
 from helisim.records.storage import write_record
@@ -75,20 +74,17 @@ class Whole:
         self.disarmed = not pilot.telemetry.armed
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--hover", type=float, default=300.0, help="s")
-    parser.add_argument("--sweep", type=float, default=20.0, help="s, each")
-    options = parser.parse_args()
+def main(*, hover: float = 300.0, sweep: float = 20.0) -> int:
+    """Fly twice, with a hover of so many seconds and sweeps of so many, each."""
     program, flights = find_program(), []
     for _ in range(2):
-        script = Whole(options.hover, options.sweep)
+        script = Whole(hover, sweep)
         with tempfile.TemporaryDirectory() as folder:
             flights.append(flown(script, program, Path(folder)))
         print(f"flown: {flights[-1].flight.served}", flush=True)
     first, second = flights
     bars = {
-        f"hover of {options.hover:g} s stays within {script.away:.3f} m": script.away <= WITHIN,
+        f"hover of {hover:g} s stays within {script.away:.3f} m": script.away <= WITHIN,
         "disarmed at the end": script.disarmed,
         f"rotor at {first.rotor:.3f} of its speed at the end": first.rotor < STILL,
         f"{first.flight.lost} messages lost in the log": first.flight.lost == 0,
@@ -96,8 +92,8 @@ def main() -> int:
     }
     for text, holds in bars.items():
         print(f"{'holds' if holds else 'MISSED'}: {text}")
-    return 0 if all(bars.values()) else 1
+    return int(not all(bars.values()))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    common.run(main)

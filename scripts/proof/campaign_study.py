@@ -16,10 +16,10 @@ of the truth, beside their scatter over the replicates.
     python scripts/proof/campaign_study.py rk4 euler
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import common
 import numpy as np
 import pyarrow as pa
 
@@ -36,7 +36,7 @@ SHARE = 0.95  # Of the replicates that must be within a bound.
 LENGTH = "sweep.duration"  # The condition that is mildest where it is greatest.
 HELD = 0.90  # Of the replicates whose 95 % intervals must hold the truth.
 
-Row = dict[str, Any]
+Row, Lines = dict[str, Any], dict[str, list[Summary]]
 
 
 def conditions(provenance: Row) -> tuple[str, ...]:
@@ -60,37 +60,47 @@ def in_words(condition: Row) -> str:
     return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
 
+def summed(rows: Sequence[Row], *by: str) -> Lines:
+    """Return each parameter's summaries, in the order of the columns that they are by."""
+    lines: Lines = {}
+    found = summarise(pa.Table.from_pylist(rows), by=by)
+    for one in sorted(found, key=lambda one: [one.group[name] for name in by]):
+        method = "" if one.group["method"] == "designed" else f" {one.group['method']}"
+        lines.setdefault(f"{one.model} {one.parameter}{method}", []).append(one)
+    return lines
+
+
+def show(heads: Sequence[str], lines: Lines, width: int, cell: Callable[[Summary], str]) -> None:
+    first, *rest = heads
+    columns = [f"{first}:<24", *(f"{one}:{width}" for one in rest)]
+    common.table("|".join(columns), ([name, *map(cell, line)] for name, line in lines.items()))
+
+
 def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
-    above, below = f"{'':<24}", f"{'% in 95 % / in CR':<24}"
-    cells: dict[str, str] = {}
+    values, lines, above = [], {}, f"{'':<24}"
     for column in columns:
-        values = levels(rows, column)
-        above += f"{column.partition('.')[2]:>{8 * len(values)}}"
-        below += "".join(f"{value:>8g}" for value in values)
-        for name, line in by_level(rows, column, covered).items():
-            cells[name] = cells.get(name, "") + line
-    print(f"\n{above}\n{below}")
-    for name, line in cells.items():
-        print(f"{name:<24}{line}")
+        own = levels(rows, column)
+        values += [f"{value:g}" for value in own]
+        above += f"{column.partition('.')[2]:>{8 * len(own)}}"
+        for name, line in summed(rows, column).items():
+            lines[name] = lines.get(name, []) + line
+    print(f"\n{above}")
+    show(["% in 95 % / in CR", *values], lines, 8, covered)
 
 
 def verdict(rows: Sequence[Row]) -> None:
     """Print the coverage at each number and length of sweeps, and which fall below `HELD`."""
-    found = summarise(pa.Table.from_pylist(rows), by=(LENGTH,))
-    flown = sorted({(one.group["flights"], one.group[LENGTH]) for one in found})
-    cells: dict[str, dict[tuple[int, float], Summary]] = {}
-    for one in found:
-        cells.setdefault(named(one), {})[one.group["flights"], one.group[LENGTH]] = one
+    lines = summed(rows, "flights", LENGTH)
+    flown = [f"{n} x {s:g} s" for n, s in sorted({(r["flights"], r[LENGTH]) for r in rows})]
     for head, width, cell in (
         ("bias +- scatter, stated", 26, lambda one: f"{scattered(one)}{100 * one.stated:8.2f}"),
-        ("% in 95 %, of sweeps", 12, lambda one: f"{100 * held(one):>12.0f}"),
+        ("% in 95 %, of sweeps", 12, lambda one: f"{100 * held(one):.0f}"),
     ):
-        print(f"\n{head:<24}" + "".join(f"{f'{n} x {s:g} s':>{width}}" for n, s in flown))
-        for name, line in cells.items():
-            print(f"{name:<24}" + "".join(cell(line[at]) for at in flown))
-    for n, s in flown:
-        low = [name for name, line in cells.items() if not held(line[n, s]) >= HELD]
-        print(f"{n} x {s:g} s: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
+        print()
+        show([head, *flown], lines, width, cell)
+    for k, what in enumerate(flown):
+        low = [name for name, line in lines.items() if not held(line[k]) >= HELD]
+        print(f"{what}: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
 
 
 def held(one: Summary) -> float:
@@ -103,30 +113,15 @@ def against(rows: Sequence[Row], column: str, condition: Row) -> None:
     number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
     print(f"\nbias +- scatter, %, against {column}")
     print(f"({in_words(condition)}; {number} replicates each)")
-    print(f"{'':<24}" + "".join(f"{value:>18g}" for value in values))
-    for name, line in by_level(kept, column, scattered).items():
-        print(f"{name:<24}{line}")
-
-
-def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -> dict[str, str]:
-    found = summarise(pa.Table.from_pylist(rows), by=(column,))
-    lines: dict[str, str] = {}
-    for one in sorted(found, key=lambda one: one.group[column]):
-        lines[named(one)] = lines.get(named(one), "") + cell(one)
-    return lines
+    show(["", *(f"{value:g}" for value in values)], summed(kept, column), 18, scattered)
 
 
 def covered(one: Summary) -> str:
-    return f"{f'{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}':>8}"
+    return f"{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}"
 
 
 def scattered(one: Summary) -> str:
     return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
-
-
-def named(one: Summary) -> str:
-    method = one.group["method"]
-    return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
 
 
 def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, str], float]) -> None:
@@ -135,8 +130,7 @@ def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, st
     Beside them the bias, and how much of it is the structure's: the error of the structure that
     is fitted to the exact response.
     """
-    print(f"\n{'':<24}{'% of intervals that hold':>26}{'bias of the':>26}")
-    print(f"{'':<24}{'the truth':>13}{'their mean':>13}{'estimate, %':>13}{'structure, %':>13}")
+    lines = []
     for key in dict.fromkeys((row["model"], row["parameter"]) for row in rows):
         mine = [row for row in rows if (row["model"], row["parameter"]) == key and row["estimate"]]
         error, size = errors(mine), np.array([abs(row["truth"]) for row in mine])
@@ -145,10 +139,12 @@ def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, st
         means = {one: np.mean([e for e, at in zip(error, where) if at == one]) for one in where}
         about = error - np.array([means[one] for one in where])
         held = [100.0 * np.mean(np.abs(off) <= half) for off in (error, about)]
-        cells = [f"{one:>13.1f}" for one in held] + [f"{100 * error.mean():>13.2f}"]
-        if key in exact:
-            cells.append(f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}")
-        print(f"{f'{key[0]} {key[1]}':<24}", *cells, sep="")
+        own = 100.0 * (exact[key] - mine[0]["truth"]) / size[0] if key in exact else None
+        lines.append((" ".join(key), *held, 100.0 * error.mean(), own))
+    print(f"\n{'':<24}{'% of intervals that hold':>26}{'bias of the':>26}")
+    common.table(
+        ":<24|the truth:13.1f|their mean:13.1f|estimate, %:13.2f|structure, %:13.2f", lines
+    )
 
 
 def tended_to(plan: Row) -> dict[tuple[str, str], float]:
@@ -181,13 +177,12 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
     print(f"({limits} of the truth)")
     print("(s of all sweeps together; in brackets sweeps of each axis x s)")
-    print(f"{'':<24}" + "".join(f"{name:>18}" for _, name in bounds))
-    others = [name for name in columns if name != LENGTH]
+    others, lines = [name for name in columns if name != LENGTH], []
     for values in sorted({tuple(row[name] for name in others) for row in rows}):
         condition = dict(zip(others, values))
         here = select(rows, condition)
-        cells = "".join(f"{need(here, key, limit):>18}" for key, limit in bounds.items())
-        print(f"{in_words(condition):<24}{cells}")
+        lines.append((in_words(condition), *(need(here, *one) for one in bounds.items())))
+    common.table("|".join([":<24", *(f"{name}:18" for _, name in bounds)]), lines)
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
@@ -226,18 +221,21 @@ def compare(first: str, second: str) -> None:
     )
     both = [key for key in one if key in other]
     print(f"{second} less {first}, {len(both)} estimates in both; % of the truth\n")
-    print(f"{'parameter':<26}{'n':>4}{'mean':>9}{'greatest':>10}{'scatter':>9}{'mean/scatter':>14}")
+    lines = []
     for group in dict.fromkeys(key[2:] for key in both):
         keys = [key for key in both if key[2:] == group]
         moved = 100.0 * np.array([other[key] - one[key] for key in keys])
         scatter = 100.0 * np.std([one[key] for key in keys], ddof=1)
-        print(
-            f"{f'{group[2]} {group[3]}':<26}{len(keys):>4}{moved.mean():>9.3f}"
-            f"{np.abs(moved).max():>10.3f}{scatter:>9.3f}{abs(moved.mean()) / scatter:>14.2f}"
-        )
+        numbers = len(keys), moved.mean(), np.abs(moved).max(), scatter
+        lines.append((f"{group[2]} {group[3]}", *numbers, abs(moved.mean()) / scatter))
+    common.table(
+        "parameter:<26|n:4|mean:9.3f|greatest:10.3f|scatter:9.3f|mean/scatter:14.2f", lines
+    )
 
 
-def main(path: str) -> None:
+def main(path: str, other: str = "") -> None:
+    if other:
+        return compare(path, other)
     table, provenance = read_dataset(path)
     rows = table.to_pylist()
     columns = conditions(provenance)
@@ -259,4 +257,4 @@ def main(path: str) -> None:
 
 
 if __name__ == "__main__":
-    (compare if len(sys.argv) > 2 else main)(*sys.argv[1:])
+    common.run(main)

@@ -1,16 +1,90 @@
-"""What proofs by simulated truths share: truths of TOML files, records, quiet fits, words."""
+"""What proofs share: a command line of main's arguments, tables; truths, records, fits."""
 
+import argparse
+import inspect
+import re
+import sys
+import textwrap
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 
 from helisim.base.errors import HelisimError
 from helisim.base.files import read_toml
-from helisim.ident import Structure, structures
-from helisim.records.record import Channel, channel
+from helisim.ident import (
+    Fit,
+    FrequencyResponse,
+    Structure,
+    frequency_response,
+    identify,
+    structures,
+)
+from helisim.records.record import Channel, FlightRecord, channel
+
+
+def run(main: Callable[..., Any]) -> NoReturn:
+    """Call main with what the command line says, and exit with what it returns.
+
+    Its arguments, of annotated types, are those of the command line. Those by keyword alone are
+    options: a bool is a flag, a list takes several words.
+    """
+    about = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=main.__globals__["__doc__"], formatter_class=about)
+    called = inspect.signature(main)
+    for name, one in called.parameters.items():
+        option, words = one.kind is one.KEYWORD_ONLY, get_args(one.annotation)
+        how: dict[str, Any] = {} if one.default is one.empty else {"default": one.default}
+        if one.annotation is bool:
+            how |= {"action": "store_true"}
+        elif words or one.kind is one.VAR_POSITIONAL:
+            how |= {"type": words[0] if words else one.annotation, "nargs": "*"}
+        else:
+            how |= {"type": one.annotation, "nargs": None if option or not how else "?"}
+        parser.add_argument(f"--{name.replace('_', '-')}" if option else name, **how)
+    said = called.bind_partial()
+    said.arguments |= vars(parser.parse_args())
+    try:
+        sys.exit(main(*said.args, **said.kwargs))
+    except HelisimError as error:
+        sys.exit(str(error))
+
+
+def table(notation: str, rows: Iterable[Sequence[Any]]) -> None:
+    """Print rows under headings: those of "name:<9|mean:8.2f" have the width of their cells.
+
+    A text among numbers is as wide as they are, as is None, for nothing.
+    """
+    columns = [one.partition(":")[::2] for one in notation.split("|")]
+    widths = [re.sub(r"^(?![<>])\+?", ">", re.match(r"[<>+]?\d*", form)[0]) for _, form in columns]
+    print("".join(f"{name:{width}}" for (name, _), width in zip(columns, widths)).rstrip())
+    for row in rows:
+        cells = [
+            f"{one or '':{width}}" if isinstance(one, str | None) else f"{one:{form}}"
+            for one, (_, form), width in zip(row, columns, widths)
+        ]
+        print("".join(cells).rstrip(), flush=True)
+
+
+def legend(words: Mapping[str, str]) -> None:
+    """Print what the signs of a table mean."""
+    for sign, text in words.items():
+        print(textwrap.fill(f"{sign}  {text}", 88, subsequent_indent="   "))
+
+
+def identified(
+    records: Sequence[FlightRecord],
+    structure: Structure,
+    band: tuple[float, float],
+    reference: Sequence[str] | None = None,
+) -> tuple[FrequencyResponse, Fit]:
+    """Return the response of records, and the fit of a structure to it, with default options."""
+    names = {"inputs": structure.inputs, "outputs": structure.outputs, "reference": reference}
+    with quiet():
+        frf = frequency_response(records, band=band, **names)
+        return frf, identify(frf, structure)
 
 
 def truths(path: Any, kind: type) -> dict[str, Any]:
@@ -35,9 +109,23 @@ def channel_of(name: str) -> Channel:
 
 def law_of(truth: Any, states: Sequence[str]) -> np.ndarray:
     """Return a truth's feedback, (n_in, n_state), of what it says by input and state."""
-    return np.array(
-        [[truth.law.get(i, {}).get(x, 0.0) for x in states] for i in truth.structure.inputs]
-    )
+    by_input = [truth.law.get(name, {}) for name in truth.structure.inputs]
+    return np.array([[own.get(name, 0.0) for name in states] for own in by_input])
+
+
+def swept(
+    time: np.ndarray, length: float, low: float, high: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return phase and size, 0 to 1, of an exponential sweep with a rest of 3 s at both ends."""
+    there = np.clip((time - 3.0) / (length - 6.0), 0.0, 1.0)
+    rate = low + 0.0187 * (np.exp(4.0 * there) - 1.0) * (high - low)
+    fade = np.clip(np.minimum(time - 3.0, length - 3.0 - time) / 2.0, 0.0, 1.0)
+    return np.cumsum(rate, axis=0) * (time[1] - time[0]), fade
+
+
+def record(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> FlightRecord:
+    values = np.column_stack(list(columns.values()))
+    return FlightRecord(time, values, tuple(map(channel_of, columns)))
 
 
 def wanted(only: str, name: str) -> bool:

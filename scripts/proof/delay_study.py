@@ -9,13 +9,13 @@ the true pole's size is always allowed, which a fit without noise would need for
 Where a zero nearly cancels a pole, or two poles coincide, no method can tell the poles: such draws
 are replaced. They are those where the errors that the noise gives a fit that begins at the truth
 (Gauss' law, from derivatives by differences) exceed 5 % of a pole, or the time in which the band's
-top turns by a tenth of a radian. `--any` keeps them.
+top turns by a tenth of a radian.
 
 "above" counts fits whose cost is above that of a descent from the truth itself: the search's own
 misses, whatever the noise does.
 
     python scripts/proof/delay_study.py                  every case of the list below, three seeds
-    python scripts/proof/delay_study.py --case 1/2 --delay 0.28 --seed 7 --verbose
+    python scripts/proof/delay_study.py --case 1/2 --delay 0.28 --seed 7
     python scripts/proof/delay_study.py --case rollpitch --delay 0.5
     python scripts/proof/delay_study.py --case lynx --delay 0.5 --flipped 0.2
 
@@ -24,13 +24,13 @@ are the published ones, their starts powers of ten of the right sign. `--flipped
 those starts the wrong sign.
 """
 
-import argparse
+import itertools
 import sys
 import time
 from dataclasses import dataclass
-from itertools import count, islice
 from pathlib import Path
 
+import common
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
@@ -40,7 +40,7 @@ from fleet import FLEET
 
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, structures
 from helisim.ident.cost import Cost, select
-from helisim.ident.evaluate import response
+from helisim.ident.evaluate import linear, response
 from helisim.ident.search import Start, descend
 
 POINTS, NOISE = 100, 0.01
@@ -68,15 +68,33 @@ class Case:
     delays: tuple[str, ...]
     data: FrequencyResponse
 
+    @classmethod
+    def of(
+        cls,
+        random: np.random.Generator,
+        structure: Structure,
+        truth: dict[str, float],
+        delays: tuple[str, ...],
+        band: tuple[float, float],
+    ) -> "Case":
+        """Return the case with the noise of its response over a band, rad/s."""
+        frequency = np.geomspace(*band, POINTS)
+        exact = response(structure, truth, frequency)
+        size = np.max(np.abs(exact), axis=2, keepdims=True)
+        exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
+        wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
+        names = {"inputs": structure.inputs, "outputs": structure.outputs}
+        data = FrequencyResponse.exact(frequency, exact * (1.0 + NOISE * wobble), **names)
+        return cls(structure, {one.name: truth[one.name] for one in structure.free}, delays, data)
+
     @property
     def cost(self) -> Cost:
         points = select(self.data, self.structure, band=None, responses=None, count=20)
         return Cost(self.structure, points)
 
     def told(self, values: dict[str, float]) -> NDArray[np.complex128]:
-        numbers = self.structure.matrices(values)
         delays = [values[name] for name in self.delays]
-        return np.array([*delays, *np.linalg.eigvals(np.linalg.solve(numbers["M"], numbers["F"]))])
+        return np.array([*delays, *linear(self.structure, values).poles])
 
     def sizes(self) -> NDArray[np.float64]:
         told = np.abs(self.told(self.truth))
@@ -116,14 +134,6 @@ class Case:
         return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
 
 
-def noisy(
-    random: np.random.Generator, structure: Structure, frequency: NDArray, exact: NDArray
-) -> FrequencyResponse:
-    wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
-    names = {"inputs": structure.inputs, "outputs": structure.outputs}
-    return FrequencyResponse.exact(frequency, exact * (1.0 + NOISE * wobble), **names)
-
-
 def matched(found: NDArray[np.complex128], to: NDArray[np.complex128]) -> NDArray[np.complex128]:
     _, columns = linear_sum_assignment(np.abs(found[None, :] - to[:, None]))
     return found[columns]
@@ -150,16 +160,11 @@ def transfer_case(name: str, delay: float, seed: int, _flipped: float) -> Case:
     over = roots(random, zeros, inner) * (-1.0 if random.random() < 0.2 else 1.0)
     gain = np.exp(random.normal()) * random.choice([-1.0, 1.0])
     num = gain * np.atleast_1d(np.real(np.poly(over)))
-    tau = random.uniform(0.0, delay)
-    frequency = np.geomspace(*BAND, POINTS)
-    s = 1j * frequency
-    exact = np.polyval(num, s) / np.polyval(den, s) * np.exp(-tau * s)
     truth = {f"b{k}": float(b) for k, b in enumerate(num[::-1])}
-    truth |= {f"a{k}": float(a) for k, a in enumerate(den[::-1][:poles])} | {"tau": tau}
+    truth |= {f"a{k}": float(a) for k, a in enumerate(den[::-1][:poles])}
+    truth["tau"] = random.uniform(0.0, delay)
     structure = structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
-    ordered = {name: truth[name] for name in structure.names}
-    data = noisy(random, structure, frequency, exact[None, None])
-    return Case(structure, ordered, ("tau",), data)
+    return Case.of(random, structure, truth, ("tau",), BAND)
 
 
 def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
@@ -167,50 +172,38 @@ def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
     structure, delays = structures.rollpitch, ("tau_lat", "tau_lon")
     truth = {name: ROLLPITCH[name] * np.exp(0.3 * random.normal()) for name in structure.names}
     truth |= {name: random.uniform(0.0, delay) for name in delays}
-    frequency = np.geomspace(*ROTOR_BAND, POINTS)
-    data = noisy(random, structure, frequency, response(structure, truth, frequency))
-    return Case(structure, truth, delays, data)
+    return Case.of(random, structure, truth, delays, ROTOR_BAND)
 
 
 def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
     random = np.random.default_rng([98, seed, *name.encode()])
     aircraft = FLEET[name]()
-    structure, free = aircraft.structure, aircraft.structure.free
+    free = aircraft.structure.free
     delays = tuple(p.name for p in free if p.name.startswith("tau") and p.limits[0] < 0.0)
-    structure = structure.with_bounds(dict.fromkeys(delays, (-0.3, 5.0)))
-    free = [parameter.name for parameter in structure.free]
-    drawn = {n: aircraft.truth[n] * np.exp(0.15 * random.normal()) for n in free}
-    drawn |= {n: random.uniform(0.0, delay) for n in delays}
+    structure = aircraft.structure.with_bounds(dict.fromkeys(delays, (-0.3, 5.0)))
+    truth = dict(aircraft.truth)
+    truth |= {p.name: truth[p.name] * np.exp(0.15 * random.normal()) for p in free}
+    truth |= {n: random.uniform(0.0, delay) for n in delays}
     wrong = [p for p in structure.free if p.bounds is None and random.random() < flipped]
     structure = structure.with_starts({p.name: -p.start for p in wrong})
     low, high = zip(*(sweep.band for sweep in aircraft.sweeps))
-    frequency = np.geomspace(2.0 * min(low), max(high) / 1.5, POINTS)
-    exact = response(structure, {**aircraft.truth, **drawn}, frequency)
-    size = np.max(np.abs(exact), axis=2, keepdims=True)
-    exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
-    return Case(structure, drawn, delays, noisy(random, structure, frequency, exact))
+    return Case.of(random, structure, truth, delays, (2.0 * min(low), max(high) / 1.5))
 
 
-def study(
-    name, delay: float, seed: int, number: int, *, keep_all=False, flipped=0.0, verbose=False
-) -> int:
+def study(name: str, delay: float, seed: int, number: int, flipped: float = 0.0) -> int:
     own = dict.fromkeys(FLEET, aircraft_case) | {"rollpitch": rotor_case}
     make = own.get(name, transfer_case)
-    cases = (make(name, delay, each, flipped) for each in count(100_000 * seed))
-    told = (case for case in cases if keep_all or case.can_be_told())
+    cases = (make(name, delay, each, flipped) for each in itertools.count(100_000 * seed))
+    told = (case for case in cases if case.can_be_told())
     hits, high, unwarned, used = 0, 0, 0, 0.0
-    for k, case in enumerate(islice(told, number)):
+    for case in itertools.islice(told, number):
         begun = time.process_time()
         fit = identify(case.data, case.structure)
         used += time.process_time() - begun
-        missed, higher = not case.found(fit), case.above(fit)
+        missed = not case.found(fit)
         hits += not missed
-        high += higher
+        high += case.above(fit)
         unwarned += missed and fit.searches_agreeing >= 2
-        if verbose and (missed or higher):
-            late = [f"{x} {case.truth[x]:.4f} as {fit[x].value:.4f} s" for x in case.delays]
-            print(f"    {k}: {', '.join(late)}, J {fit.cost:.4g}, {fit.searches_agreeing} agree"
-                  f"{', above' if higher else ''}")  # fmt: skip
     print(
         f"{name:<12}delays to {delay:<6g}seed {seed:<4d}{hits:5d} of {number} found, "
         f"{high} above, {unwarned} missed without a warning, {used / number:.3f} s each",
@@ -219,21 +212,13 @@ def study(
     return hits
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--case", help="ZEROS/POLES, rollpitch, or an aircraft")
-    parser.add_argument("--delay", type=float, default=0.28)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--seed", type=int)
-    parser.add_argument("--any", action="store_true", help="keep samples that no method can tell")
-    parser.add_argument("--flipped", type=float, default=0.0, help="share of wrong signs")
-    parser.add_argument("--verbose", action="store_true")
-    asked = parser.parse_args()
-    options = {"keep_all": asked.any, "flipped": asked.flipped, "verbose": asked.verbose}
-    for name, delay in CASES if asked.case is None else [(asked.case, asked.delay)]:
-        for seed in range(1, 4) if asked.seed is None else [asked.seed]:
-            study(name, delay, seed, asked.count, **options)
+def main(
+    *, case: str = "", delay: float = 0.28, count: int = 60, seed: int = 0, flipped: float = 0.0
+) -> None:
+    for name, late in [(case, delay)] if case else CASES:
+        for one in [seed] if seed else range(1, 4):
+            study(name, late, one, count, flipped)
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)

@@ -11,6 +11,7 @@ UH-60's fell "to less than 95 % rotor speed during collective pulls from zero to
 import sys
 from pathlib import Path
 
+import common
 import mujoco
 import numpy as np
 
@@ -23,32 +24,23 @@ from helisim.sim.flight import simulate
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 
-COLUMNS = ("motor", "stored", "wind", "heat", "missing", "legs")
-
 
 def main() -> None:
-    vehicle = load("jr700", parameters={"drive.governor": "motor"})
-    print(f"{'J':30s}" + "".join(f"{name:>10s}" for name in COLUMNS) + "   of heat")
+    vehicle, rows = load("jr700", parameters={"drive.governor": "motor"}), []
     for name in energy.FLIGHTS:
         found, end = energy.flown(vehicle, name)
         missing = float(np.abs(found.missing[:end]).max())
-        row = (
-            found.delivered[-1],
-            found.stored[0] - found.stored[-1],
-            found.wind[-1],
-            found.lost[-1],
-            missing,
-            found.missing[end - 1] - found.missing[-1],
-        )
-        share = missing / found.turned_over
-        print(f"{name:30s}" + "".join(f"{one:10.1f}" for one in row) + f"   {share:.1e}")
+        given = found.delivered[-1], found.stored[0] - found.stored[-1], found.wind[-1]
+        legs = found.missing[end - 1] - found.missing[-1]
+        share = f"   {missing / found.turned_over:.1e}"
+        rows.append((name, *given, found.lost[-1], missing, legs, share))
+    heads = ("motor", "stored", "wind", "heat", "missing", "legs")
+    common.table("|".join(["J:<30", *(f"{one}:10.1f" for one in heads), "   of heat:<10"]), rows)
     for left in (1.0, 0.2):
         fed = {"drive.governor": "motor", "drive.supply": "battery", "battery.charge": left}
-        vehicle, plan = (
-            load("jr700", parameters=fed),
-            hs.FlightPlan(**energy.FLIGHTS["heave sweep"]),
-        )
-        volts, amperes, charge, _ = next(simulate(vehicle, plan, seed=1)).battery.T
+        vehicle = load("jr700", parameters=fed)
+        flown = simulate(vehicle, hs.FlightPlan(**energy.FLIGHTS["heave sweep"]), seed=1)
+        volts, amperes, charge, _ = next(flown).battery.T
         taken = vehicle.parameters["battery.capacity"] * (charge[0] - charge[-1])
         missing = 1.0 - np.trapezoid(amperes, dx=vehicle.model.opt.timestep) / taken
         print(
@@ -79,4 +71,4 @@ def droop() -> tuple[float, np.ndarray]:
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)

@@ -14,12 +14,12 @@ much, neither is more than that. Sources: lynx.toml here and models/lynx/README.
     python scripts/proof/full_scale.py
 """
 
-import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import common
 import numpy as np
 from scipy.optimize import brentq
 
@@ -66,10 +66,11 @@ ANGLES = ("theta_0", "theta_1s", "theta_1c", "theta_0T", "theta", "phi")
 
 
 class Flight(NamedTuple):
+    """Trim angles and derivatives by name, and the power of both rotors, W."""
+
     knots: int
-    angles: Mapping[str, float]
+    values: Mapping[str, float]
     power: float
-    derivatives: Mapping[str, float]
 
 
 class Row(NamedTuple):
@@ -94,7 +95,7 @@ def flights(changes: Changes = ()) -> tuple[Flight, ...]:
     vehicle, found = load("lynx", parameters=dict(changes)), []
     for knots in THESIS_KNOTS:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
-        found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
+        found.append(Flight(knots, {**angles(vehicle), **derivatives(vehicle)}, vehicle.power))
     return tuple(found)
 
 
@@ -111,20 +112,16 @@ def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
 
 def angles(vehicle: Vehicle) -> dict[str, float]:
     own, trim = vehicle.parameters, vehicle.trim
-    centre = {
-        "theta_0": own["main_rotor.pitch_trim"] - 0.75 * own["main_rotor.twist"],
-        "theta_0T": own["tail_rotor.pitch_trim"],
-    }
     blades = {
-        name: centre.get(name, 0.0) + unit * getattr(trim, control)
-        for name, (control, unit) in travel(vehicle).items()
+        name: unit * getattr(trim, control) for name, (control, unit) in travel(vehicle).items()
     }
+    blades["theta_0"] += own["main_rotor.pitch_trim"] - 0.75 * own["main_rotor.twist"]
+    blades["theta_0T"] += own["tail_rotor.pitch_trim"]
     return {**blades, "theta": trim.theta, "phi": trim.phi}
 
 
 def derivatives(vehicle: Vehicle) -> dict[str, float]:
-    linear = vehicle.linearize("IN1").rigid_body()
-    by_control = travel(vehicle)
+    linear, by_control = vehicle.linearize("IN1").rigid_body(), travel(vehicle)
     found = {}
     for name in DERIVATIVES:
         axis, _, cause = name.partition("_")
@@ -135,86 +132,68 @@ def derivatives(vehicle: Vehicle) -> dict[str, float]:
 
 def without_kinematics(values: Mapping[str, float], speed: float, theta: float) -> dict[str, float]:
     down = speed * float(np.sin(theta))
-    parts = {"X_q": -down, "Y_p": down}
-    return {name: value - parts.get(name, 0.0) for name, value in values.items()}
+    return {**values, "X_q": values["X_q"] + down, "Y_p": values["Y_p"] - down}
 
 
-def printed(source: str, knots: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Return a source's trim angles and derivatives."""
+def printed(source: str, knots: int) -> dict[str, float]:
+    """Return a source's derivatives, then trim angles."""
     if source == THESIS:
         k = THESIS_KNOTS.index(knots)
-        derived = {name: curve[k] for name, curve in LYNX["thesis_derivatives"].items()}
-        return {name: THESIS_TRIMS[name][k] for name in ANGLES}, derived
+        curves = {**LYNX["thesis_derivatives"], **{name: THESIS_TRIMS[name] for name in ANGLES}}
+        return {name: curve[k] for name, curve in curves.items()}
     by, rates = (*STATES, *INPUTS).index, BOOK[knots]
-    angle = by("theta")
-    trims = {
-        "theta": float(np.arctan2(-rates["w"][angle], -rates["u"][angle])),
-        "phi": -float(np.arcsin(rates["theta"][by("r")])),
-    }  # of which the elements of gravity are
+    angle = by("theta")  # the trims are those of which the elements of gravity are
+    theta = float(np.arctan2(-rates["w"][angle], -rates["u"][angle]))
     derived = {name: float(rates[RATE_OF[name[0]]][by(name[2:])]) for name in DERIVATIVES}
-    return trims, without_kinematics(derived, knots * KNOT, trims["theta"])
+    trims = {"theta": theta, "phi": -float(np.arcsin(rates["theta"][by("r")]))}
+    return without_kinematics(derived, knots * KNOT, theta) | trims
 
 
 @cache
-def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
-    book, found = source == PADFIELD, []
+def rows(source: str, changes: Changes = ()) -> dict[tuple[str, int], Row]:
+    book, found = source == PADFIELD, {}
     for flight in flights(changes if book else (*_AS_THESIS, *changes)):
-        if book and flight.knots not in BOOK:
-            continue
-        trims, derived = printed(source, flight.knots)
-        effect = {name: abs(value) * PUSH[name[2:]] for name, value in derived.items()}
-        for name, value in derived.items():
-            largest = max(one for other, one in effect.items() if other[0] == name[0])
-            small = SMALL * largest / PUSH[name[2:]]
-            found.append(Row(source, name, flight.knots, value, flight.derivatives[name], small))
-        for name, value in trims.items():
-            own = flight.angles[name]
-            found.append(Row(source, name, flight.knots, value, own, HALF_A_DEGREE))
-    return tuple(found)
+        values = printed(source, flight.knots) if not book or flight.knots in BOOK else {}
+        effect = {n: abs(v) * PUSH[n[2:]] for n, v in values.items() if n not in ANGLES}
+        for name, value in values.items():
+            small, own = HALF_A_DEGREE, flight.values[name]
+            if name in effect:
+                largest = max(one for other, one in effect.items() if other[0] == name[0])
+                small = SMALL * largest / PUSH[name[2:]]
+            found[name, flight.knots] = Row(source, name, flight.knots, value, own, small)
+    return found
 
 
-class Explanation(NamedTuple):
-    letter: str
-    words: str
-    names: tuple[str, ...]
-    sources: tuple[str, ...]
-    switch: Changes
-    term: Callable[[Row], float] | None
-
-    def tried(self, row: Row) -> Row:
-        tried = _indexed(row.source, self.switch)[row.name, row.knots]
-        return tried._replace(found=tried.found + self.term(row)) if self.term else tried
-
-
-def _indexed(source: str, changes: Changes = ()) -> Mapping[tuple[str, int], Row]:
-    return {(row.name, row.knots): row for row in rows(source, changes)}
+def tried(one: Mapping[str, Any], row: Row) -> Row:
+    """Return a row as an explanation has it: parameters switched, a term added."""
+    switch = tuple(one.get("switch", {}).items())
+    other = rows(row.source, answering_inflow() if "answering_inflow" in one else switch)
+    other = other[row.name, row.knots]
+    return other._replace(found=other.found + TERMS[one["term"]](other)) if "term" in one else other
 
 
 def verdict(row: Row) -> str:
     if row.close:
         return ""
     for one in EXPLANATIONS:
-        if row.source in one.sources and row.name in one.names and one.tried(row).close:
-            return one.letter
-    other = _indexed(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
+        if row.source in one["sources"] and row.name in one["names"] and tried(one, row).close:
+            return one["letter"]
+    other = rows(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
     if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
         return APART
-    if row.source == THESIS and row.knots > max(BOOK) and _parts_at_60(row.name):
-        return LIKE_60
+    if row.source == THESIS and row.knots > max(BOOK):
+        book, thesis = (rows(source).get((row.name, 60)) for source in (PADFIELD, THESIS))
+        if book and thesis and abs(book.off) <= CLOSE < abs(thesis.printed / book.printed - 1.0):
+            return LIKE_60
     return "?"
 
 
-def _parts_at_60(name: str) -> bool:
-    book, thesis = (_indexed(source).get((name, 60)) for source in (PADFIELD, THESIS))
-    if book is None or thesis is None:
-        return False
-    return abs(book.off) <= CLOSE < abs(thesis.printed / book.printed - 1.0)
-
-
 def unexplained() -> list[Row]:
-    return [row for source in (PADFIELD, THESIS) for row in rows(source) if verdict(row) == "?"]
+    every = [*rows(PADFIELD).values(), *rows(THESIS).values()]
+    return [row for row in every if verdict(row) == "?"]
 
 
+@cache
 def answering_inflow() -> Changes:
     own = load("lynx").parameters
     radius = own["main_rotor.radius"]
@@ -250,7 +229,7 @@ def printed_tail_thrust(row: Row) -> float:
 
 
 def yaw_in_the_shafts_axes(row: Row) -> float:
-    own = _indexed(PADFIELD)["N_p", row.knots].found
+    own = rows(PADFIELD)["N_p", row.knots].found
     return -float(np.sin(load("lynx").parameters["main_rotor.shaft_tilt"])) * own
 
 
@@ -263,34 +242,22 @@ def stabilising_fuselage(row: Row) -> float:
 
 APART, LIKE_60 = "=", "~"
 _WORDS = read_toml(Path(__file__).with_suffix(".toml"))
-_SIGNS = _WORDS["sign"]
+EXPLANATIONS = _WORDS["explanation"]
 _TERMS = (printed_tail_thrust, more_tail_inflow, stabilising_fuselage, yaw_in_the_shafts_axes)
-_BY_NAME = {one.__name__: one for one in _TERMS}
-EXPLANATIONS = tuple(
-    Explanation(
-        *(one[key] for key in ("letter", "words", "names", "sources")),
-        answering_inflow() if "answering_inflow" in one else tuple(one.get("switch", {}).items()),
-        _BY_NAME.get(one.get("term")),
-    )
-    for one in _WORDS["explanation"]
-)
+TERMS = {one.__name__: one for one in _TERMS}
 
 
-def table(source: str) -> str:
+def table(source: str) -> None:
     mine = rows(source)
-    speeds = dict.fromkeys(row.knots for row in mine)
-    lines = [f"{source:<12}{'kn':>4}" + "".join(f"{knots:>10}" for knots in speeds)]
-    for name in dict.fromkeys(row.name for row in mine):
-        own = [row for row in mine if row.name == name]
-        scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
-        shown = f"{name}, deg" if name in ANGLES else name
-        cells = [
-            "".join(f"{scale * getattr(row, one):>9.4g} " for row in own)
-            for one in ("printed", "found")
-        ]
-        lines += [f"{shown:<12}{'':>4}{cells[0]}", f"{'':<9}model: {cells[1]}"]
-        lines.append(f"{'':<10}off, %" + "".join(f"{_percent(r):>9}{_sign(r):1}" for r in own))
-    return "\n".join(lines)
+    speeds = dict.fromkeys(knots for _, knots in mine)
+    print(f"{source:<12}{'kn':>4}" + "".join(f"{knots:>10}" for knots in speeds))
+    for name in dict.fromkeys(name for name, _ in mine):
+        own = [mine[name, knots] for knots in speeds if (name, knots) in mine]
+        scale, unit = (float(np.degrees(1.0)), ", deg") if name in ANGLES else (1.0, "")
+        for head, of in (f"{name + unit:<12}    ", "printed"), (f"{'':<9}model: ", "found"):
+            print(head + "".join(f"{scale * getattr(row, of):>9.4g} " for row in own))
+        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{_sign(row):1}" for row in own))
+    print()
 
 
 def _sign(row: Row) -> str:
@@ -302,16 +269,15 @@ def _percent(row: Row) -> str:
 
 
 def main() -> None:
-    for source in (PADFIELD, THESIS):
-        print(table(source), end="\n\n")
+    table(PADFIELD)
+    table(THESIS)
     power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
     print(f"Power of both rotors, kW, which neither prints: {power}\n")
     print(f"Without a sign: within {100 * CLOSE:.0f} %.")
-    for letter, words in (*_SIGNS.items(), *((one.letter, one.words) for one in EXPLANATIONS)):
-        print(textwrap.fill(f"{letter}  {words}", 88, subsequent_indent="   "))
-    left = unexplained()
-    print(f"?  {len(left)} of {sum(len(rows(one)) for one in (PADFIELD, THESIS))} unexplained")
+    common.legend(_WORDS["sign"] | {one["letter"]: one["words"] for one in EXPLANATIONS})
+    every = len(rows(PADFIELD)) + len(rows(THESIS))
+    print(f"?  {len(unexplained())} of {every} unexplained")
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)

@@ -6,8 +6,7 @@ the same derivatives; the time to double is of the whole linear model's least st
     python scripts/proof/hover_derivatives.py [VEHICLE [SPEED ...]]
 """
 
-import sys
-
+import common
 import numpy as np
 
 import helisim as hs
@@ -29,15 +28,16 @@ def rows(vehicle: hs.Vehicle, speeds: tuple[float, ...]) -> list[list[float]]:
     return found
 
 
-def main(name: str = "jr700", *speeds: str) -> None:
-    """Print a table a law."""
-    wanted = tuple(map(float, speeds)) or SPEEDS
-    print(f"{name:<14}{'m/s':>5}" + "".join(f"{one:>9}" for one in (*NAMES, "T2, s")))
-    for law in LAWS:
-        vehicle = hs.load(name, parameters={"main_rotor.inflow": law})
-        for speed, row in zip(wanted, rows(vehicle, wanted)):
-            print(f"{law:<14}{speed:>5g}" + "".join(f"{one:>9.3f}" for one in row))
+def main(name: str = "jr700", *speeds: float) -> None:
+    """Print a table of both laws."""
+    wanted = speeds or SPEEDS
+    found = {
+        law: rows(hs.load(name, parameters={"main_rotor.inflow": law}), wanted) for law in LAWS
+    }
+    lines = [(law, *row) for law, one in found.items() for row in zip(wanted, *zip(*one))]
+    heads = [f"{name}:<14", "m/s:5g", *(f"{one}:9.3f" for one in (*NAMES, "T2, s"))]
+    common.table("|".join(heads), lines)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    common.run(main)

@@ -9,10 +9,11 @@ without what it has no states for.
     python scripts/proof/inflow_study.py [FLIGHTS]
 """
 
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
+import common
 import numpy as np
 
 import helisim as hs
@@ -92,48 +93,45 @@ def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, iden
     return fits
 
 
-def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -> str:
-    rows = dict.fromkeys(one for fit in reversed(list(fits.values())) for one in fit.values)
-    lines = [f"{name:<10}{'truth':>11}" + "".join(f"{one:>26}" for one in fits)]
-    for parameter in rows:
-        known = f"{true[parameter]:11.5g}" if parameter in true else " " * 11
-        cells = [f"{parameter:<10}{known}"]
+def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -> None:
+    rows = []
+    for one in dict.fromkeys(one for fit in reversed(list(fits.values())) for one in fit.values):
+        cells = []
         for fit in fits.values():
-            if parameter not in fit.values:
-                cells.append(f"{'':26}")
-            elif fit.structure.parameter(parameter).fixed:
-                cells.append(f"{fit[parameter].value:14.5g}{'given':>12}")
-            else:
-                one = fit[parameter]
-                cells.append(f"{one.value:14.5g} +- {one.standard_error:8.2g}")
-        lines.append("".join(cells).rstrip())
-    costs = "".join(f"{fit.cost:15.3g}{'':11}" for fit in fits.values()).rstrip()
-    off = "".join(f"{worst(fit, true):>15}{'':11}" for fit in fits.values()).rstrip()
-    ends = [f"{'average J':<20}{costs}", f"{'errors off':<20}{off}"]
+            own = fit.parameters.get(one)
+            error = f"+- {own.standard_error:8.2g}" if own and not own.fixed else "given"
+            cells.append(f"{own.value:14.5g}{error:>12}" if own else None)
+        rows.append((one, true.get(one), *cells))
+    common.table("|".join([f"{name}:<10|truth:11.5g", *(f"{one}:26" for one in fits)]), rows)
+    for head, cell in (
+        ("average J", lambda fit: f"{fit.cost:.3g}"),
+        ("errors off", partial(worst, true)),
+    ):
+        print(f"{head:<20}" + "".join(f"{cell(fit):>15}{'':11}" for fit in fits.values()).rstrip())
     for one, fit in fits.items():
         for first, second, much in fit.correlated:
             if {first, second} & {"C", "tau_0", "tau_1"}:
-                ends.append(f"{one}: {first} and {second} correlated by {much:.2f}")
-    return "\n".join([*lines, *ends])
+                print(f"{one}: {first} and {second} correlated by {much:.2f}")
+    print()
 
 
-def worst(fit: ident.Fit, true: Mapping[str, float]) -> str:
+def worst(true: Mapping[str, float], fit: ident.Fit) -> str:
     off = {
         name: abs(fit[name].value - true[name]) / fit[name].standard_error
         for name in fit.values
-        if name in true and not fit.structure.parameter(name).fixed
+        if name in true and not fit[name].fixed
     }
     name = max(off, key=off.__getitem__)
     return f"{name} {off[name]:.1f}"
 
 
-def main(count: int = 4) -> None:
+def main(flights: int = 4) -> None:
     moving = hs.load(VEHICLE, parameters={"main_rotor.inflow": "pitt-peters"})
     recorder = Recorder.of(moving)
-    flights = {axis: hs.fly(moving, sweep, count=count, seed=1) for axis, sweep in SWEEPS.items()}
+    flown = {axis: hs.fly(moving, sweep, count=flights, seed=1) for axis, sweep in SWEEPS.items()}
     true = truth(moving, recorder)
     known = hs.structures.rollpitch_inflow.with_fixed({"turn": true["turn"]})
-    col, both = flights["col"], flights["lat"] + flights["lon"]
+    col, both = flown["col"], flown["lat"] + flown["lon"]
     heave = hs.frequency_response(col, inputs=("col",), outputs=("w", "az"), band=HEAVE_BAND)
     plain = hs.frequency_response(col, inputs=("col",), outputs=("w",), band=(0.8, 15.0))
     names, others = {"inputs": ("lat", "lon"), "outputs": ("p", "q")}, ("col", "ped")
@@ -154,11 +152,11 @@ def main(count: int = 4) -> None:
         },
     }
     for name, both in fits.items():
-        print(table(name, both, true), end="\n\n")
+        table(name, both, true)
     lag = moving.servo_delay("lat") - 0.5 * moving.parameters["gyro.period"]
     known_lag = {**true, "tau_lat": lag, "tau_lon": lag}
-    print(table("hover", hover_fits(moving, true), known_lag), end="\n\n")
+    table("hover", hover_fits(moving, true), known_lag)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if sys.argv[1:] else 4)
+    common.run(main)

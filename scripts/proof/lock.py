@@ -1,13 +1,13 @@
 """Lock what helisim does: compare its behaviour with that of a version before, to the last bit.
 
 python scripts/proof/lock.py check [GROUP ...] [--fast]  print each difference, status 1 if any
-python scripts/proof/lock.py accept GROUP NAME ...       rewrite the entries of a reviewed change
-python scripts/proof/lock.py take [GROUP ...]            rewrite all of a group
+python scripts/proof/lock.py accept GROUP [NAME ...]     rewrite the entries of a reviewed change
 
-Only public names and the command line are used. What is locked is in `lock.json` beside this file.
+Names are as 'kind *'; without any all of the group are rewritten. --fast leaves out what takes
+long, --show prints differences whole. Only public names and the command line are used. What is
+locked is in `lock.json` beside this file.
 """
 
-import argparse
 import dataclasses
 import difflib
 import hashlib
@@ -18,16 +18,16 @@ import math
 import os
 import re
 import shlex
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from fnmatch import fnmatchcase
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
+import common
 import numba
 import numpy as np
 
@@ -393,7 +393,7 @@ def reproduce() -> dict[str, Case]:
     return {f"seed {n}": partial(numbers, n, n) for n in ((1,) if FAST[0] else (1, 2))}
 
 
-COMMANDS = FILE.with_name("lock_commands.txt")
+COMMANDS = FILE.with_name("lock_commands.toml")
 _TEXTS = (".toml", ".json", ".html", ".parm", ".svg", ".xml", ".md")
 _ROOT = str(hs.model_folder("jr700").parents[1])
 
@@ -441,30 +441,22 @@ def steady(text: str, folder: Path) -> str:
 
 
 def commands() -> dict[str, Case]:
-    lines, files, name = [], {}, ""
-    for line in COMMANDS.read_text(encoding="utf-8").splitlines():
-        if line.startswith(("<< ", ">>")):
-            name = line[3:]
-            files[name] = ""
-        elif name:
-            files[name] += line + "\n"
-        elif line.startswith(("helisim", "! ")) and not (FAST[0] and line.startswith("!")):
-            lines.append(line.removeprefix("! "))
+    listed = read_toml(COMMANDS)
+    lines = [
+        line.removeprefix("! ")
+        for line in listed["lines"].splitlines()
+        if line.startswith("helisim") or (line.startswith("! ") and not FAST[0])
+    ]
 
     @cache
     def all_of_them() -> list[dict[str, Any]]:
-        here = Path.cwd()
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made).resolve()
-            for name, text in files.items():
-                if name:
-                    (folder / name).write_text(text, encoding="utf-8")
-            try:
-                os.chdir(folder)
-                os.environ["COLUMNS"] = "80"
+            for name, text in listed["files"].items():
+                (folder / name).write_text(text, encoding="utf-8")
+            os.environ["COLUMNS"] = "80"
+            with chdir(folder):
                 return [run(shlex.split(line)[1:], folder) for line in lines]
-            finally:
-                os.chdir(here)
 
     named: dict[str, Case] = {}
     for n, line in enumerate(lines):
@@ -535,26 +527,15 @@ def value(case: Case) -> Any:
         return f"{type(error).__name__}: {error}"
 
 
-def place(group: str) -> Path:
-    return FILE.with_name("lock_commands.json") if group == "commands" else FILE
+def read(group: str) -> tuple[Path, dict[str, Any]]:
+    """Return the file of a group, and what all of its groups have locked."""
+    path = FILE.with_name("lock_commands.json") if group == "commands" else FILE
+    return path, json.loads(path.read_text(encoding="utf-8"))
 
 
-def read(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-
-
-def write(path: Path, kept: dict[str, Any]) -> None:
-    indent = 1 if path != FILE else None
-    parts = []
-    for group, entries in kept.items():
-        rows = [f"  {json.dumps(n)}: {json.dumps(x, indent=indent)}" for n, x in entries.items()]
-        parts.append(f" {json.dumps(group)}: {{\n" + ",\n".join(rows) + "\n }")
-    path.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
-
-
-def check(group: str, names: list[str], cases: dict[str, Case], *, whole: bool, show: bool) -> int:
-    locked, wrong = read(place(group)).get(group, {}), 0
-    for name in [*names, *(sorted(set(locked) - set(cases)) if whole else ())]:
+def check(group: str, cases: dict[str, Case], *, show: bool) -> int:
+    locked, wrong = read(group)[1].get(group, {}), 0
+    for name in [*cases, *(() if FAST[0] else sorted(set(locked) - set(cases)))]:
         found, kept = (value(cases[name]) if name in cases else "no such case"), locked.get(name)
         texts = list(differences(found, kept, NEAR.get(group, 0.0)))
         for key in ("out", "err") if group == "commands" and texts and kept else ():
@@ -568,39 +549,32 @@ def check(group: str, names: list[str], cases: dict[str, Case], *, whole: bool, 
         if texts and group == "commands":
             print(f"^ commands: {name}\n")
         wrong += bool(texts)
-    print(f"{group}: {len(names)} cases, {wrong} differ", flush=True)
+    print(f"{group}: {len(cases)} cases, {wrong} differ", flush=True)
     return wrong
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("what", choices=("check", "take", "accept"))
-    parser.add_argument("words", nargs="*", help="groups; or a group and names, such as 'kind *'")
-    parser.add_argument("--fast", action="store_true", help="without what takes long")
-    parser.add_argument("--show", action="store_true", help="print differences whole")
-    options = parser.parse_args()
-    FAST[0] = options.fast
-    named = options.words[1:] if options.what == "accept" else []
-    wrong = 0
-    for group in options.words[:1] if named else options.words or list(GROUPS):
-        cases = GROUPS[group]()
-        names = [one for one in cases if not named or any(fnmatchcase(one, name) for name in named)]
-        if options.what == "check":
-            wrong += check(group, names, cases, whole=not options.fast, show=options.show)
-        else:
-            kept = read(place(group))
-            entries = kept.setdefault(group, {})
-            for gone in [one for one in entries if one not in cases and not options.fast]:
-                if not named or any(fnmatchcase(gone, name) for name in named):
-                    del entries[gone]
-            entries.update({name: value(cases[name]) for name in names})
-            kept[group] = {name: entries[name] for name in [*cases, *entries] if name in entries}
-            write(place(group), kept)
-            print(f"{group}: {len(names)} cases written", flush=True)
-    return 1 if wrong else 0
+def main(what: str, *words: str, fast: bool = False, show: bool = False) -> int:
+    FAST[0] = fast
+    if what == "check":
+        return int(sum(check(one, GROUPS[one](), show=show) for one in words or GROUPS) > 0)
+    group, *named = words
+
+    def asked(name: str) -> bool:
+        return (name in cases or not fast) and any(fnmatchcase(name, one) for one in named or "*")
+
+    cases, (path, kept) = GROUPS[group](), read(group)
+    entries = {n: x for n, x in kept.get(group, {}).items() if n in cases or not asked(n)}
+    new = {name: value(case) for name, case in cases.items() if asked(name)}
+    entries |= new
+    kept[group] = {name: entries[name] for name in [*cases, *entries] if name in entries}
+    indent, parts = 1 if path != FILE else None, []
+    for name, every in kept.items():
+        rows = [f"  {json.dumps(n)}: {json.dumps(x, indent=indent)}" for n, x in every.items()]
+        parts.append(f" {json.dumps(name)}: {{\n" + ",\n".join(rows) + "\n }")
+    path.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
+    print(f"{group}: {len(new)} cases written", flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    common.run(main)

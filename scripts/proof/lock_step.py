@@ -11,14 +11,15 @@ not left one answer behind. ArduPilot waits a second for each answer that it can
 import random
 import select
 import socket
-import sys
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+import common
 import numpy as np
 from played_autopilot import PlayedAutopilot
 
@@ -26,52 +27,41 @@ from helisim.sitl import Aircraft, Link, Sensed, serve
 from helisim.sitl.process import Autopilot
 
 
-@dataclass
-class BadWay:
-    """A proxy on the loopback that loses, doubles and cuts packets both ways."""
+@contextmanager
+def bad_way(backend, share=0.01, seed=1, kinds=("lost", "doubled", "cut")):
+    """Lose, double and cut packets both ways of a proxy; yields its port, and what it did."""
+    front, back = (socket.socket(type=socket.SOCK_DGRAM) for _ in range(2))
+    front.bind(("127.0.0.1", 0))
+    dice, stop, did = random.Random(seed), threading.Event(), Counter()
 
-    backend: int
-    share: float
-    seed: int = 1
-    kinds: tuple = ("lost", "doubled", "cut")
-    did: Counter = field(default_factory=Counter)
-
-    def __post_init__(self):
-        self.front, self._back = (socket.socket(type=socket.SOCK_DGRAM) for _ in range(2))
-        self.front.bind(("127.0.0.1", 0))
-        self.port = self.front.getsockname()[1]
-        self._random, self._stop = random.Random(self.seed), threading.Event()
-        self._thread = threading.Thread(target=self._run)
-
-    def __enter__(self):
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self._stop.set()
-        self._thread.join()
-        self.front.close()
-        self._back.close()
-
-    def _run(self):
-        client = None
-        while not self._stop.is_set():
-            for ready in select.select([self.front, self._back], [], [], 0.05)[0]:
-                packet, peer = ready.recvfrom(65000)
-                if ready is self.front:
-                    client, to, kind = peer, ("127.0.0.1", self.backend), "frame"
-                else:
-                    to, kind = client, "answer"
-                for one in self._passed(packet, kind):
-                    (self._back if kind == "frame" else self.front).sendto(one, to)
-
-    def _passed(self, packet, kind):
-        if self._random.random() >= self.share:
+    def passed(packet, kind):
+        if dice.random() >= share:
             return [packet]
-        what = self._random.choice(self.kinds)
-        self.did[f"{kind} {what}"] += 1
-        cut = packet[: self._random.randrange(len(packet))]
+        what = dice.choice(kinds)
+        did[f"{kind} {what}"] += 1
+        cut = packet[: dice.randrange(len(packet))]
         return {"lost": [], "doubled": [packet, packet], "cut": [cut]}[what]
+
+    def run():
+        client = None
+        while not stop.is_set():
+            for ready in select.select([front, back], [], [], 0.05)[0]:
+                packet, peer = ready.recvfrom(65000)
+                if ready is front:
+                    client, to, out, kind = peer, ("127.0.0.1", backend), back, "frame"
+                else:
+                    to, out, kind = client, front, "answer"
+                for one in passed(packet, kind):
+                    out.sendto(one, to)
+
+    with front, back:
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            yield front.getsockname()[1], did
+        finally:
+            stop.set()
+            thread.join()
 
 
 class Notes(Link):
@@ -159,11 +149,11 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
         count_at[round(1e3 * sensed.time)] = frame.count
         return bool(over)
 
-    with Notes() as link, BadWay(link.port, **{"share": 0.01, **way}) as bad_way:
+    with Notes() as link, bad_way(link.port, **way) as (port, did):
         flight = {"aircraft": aircraft or Counting(), "link": link, "on_frame": on_frame}
         thread = threading.Thread(target=serve, kwargs=flight)
         thread.start()
-        autopilot = PlayedAutopilot(bad_way.port, resend=resend)
+        autopilot = PlayedAutopilot(port, resend=resend)
         while autopilot.count < frames:
             count = autopilot.count
             fields = autopilot.frame(pulses)
@@ -175,7 +165,7 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
             thread.join(0.05)
         autopilot.close()
     behind = np.array([count - count_at[at] for count, at in read_at])
-    return Proof(link.served, bad_way.did, flown, link.most, behind)
+    return Proof(link.served, did, flown, link.most, behind)
 
 
 def prove_real(frames, program, *, parameters="", aircraft=None, **way):
@@ -185,18 +175,20 @@ def prove_real(frames, program, *, parameters="", aircraft=None, **way):
         flown.append(frame.count)
         return len(flown) >= frames
 
-    options = {"share": 0.01, **way}
     with (
         Notes() as link,
-        BadWay(link.port, **options) as bad_way,
-        Autopilot(Path(program).absolute(), parameters, bad_way.port),
+        bad_way(link.port, **way) as (port, did),
+        Autopilot(Path(program).absolute(), parameters, port),
     ):
         served = serve(aircraft or Aircraft(), link, on_frame=on_frame)
-    return Proof(served, bad_way.did, flown, link.most, np.zeros(0))
+    return Proof(served, did, flown, link.most, np.zeros(0))
+
+
+def main(frames: int = 100_000, program: str = "") -> bool:
+    done = prove_real(frames, program) if program else prove(frames)
+    print(done)
+    return bool(done.faults)
 
 
 if __name__ == "__main__":
-    frames = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    done = prove_real(frames, sys.argv[2]) if len(sys.argv) > 2 else prove(frames)
-    print(done)
-    sys.exit(bool(done.faults))
+    common.run(main)

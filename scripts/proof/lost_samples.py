@@ -13,15 +13,14 @@ outside its bound, a figure's interval doesn't hold that of the whole log, or a 
 main parameter more than three stated errors (and 1 %) off.
 """
 
-import argparse
-import sys
 import tempfile
-import warnings
 from pathlib import Path
 
+import common
 import numpy as np
 import verdicts
 
+from helisim.handling.measured.interval import Interval
 from helisim.ident import Fit, identify, structures
 from helisim.logs import screen
 from helisim.logs.dataflash import DataFlash
@@ -86,6 +85,11 @@ def fits(log: Path) -> dict[str, Fit]:
     }
 
 
+def figures(log: Path) -> dict[tuple[str, str], Interval]:
+    found = flown_loops(log).margins().figures
+    return {(one.axis, one.name): one.interval for one in found}
+
+
 def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tuple[str, bool]:
     """Return what a log tells beside the whole one's fits and figures, and whether all is held."""
     worst, within, words = 0.0, [], []
@@ -100,9 +104,9 @@ def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tu
             within.append((off <= one.cramer_rao, errors <= 2.0))
             worst = max(worst, errors)
     inside, near = map(sum, zip(*within))
-    figures = flown_loops(target).margins().figures
-    seen = [one for one in figures if (one.axis, one.name) in loops]
-    held = sum(i.low <= loops[one.axis, one.name] <= i.high for one in seen for i in [one.interval])
+    told = figures(target)
+    seen = [(loops[key].value, one) for key, one in told.items() if key in loops]
+    held = sum(one.low <= value <= one.high for value, one in seen)
     text = (
         f"{inside} of {len(within)} inside their bounds, {near} within two errors, the worst at "
         f"{worst:.1f}; {held} of {len(seen)} figures inside ({len(loops)} of {source.name}); "
@@ -119,35 +123,22 @@ def judged(name: str, kind: str, share: float, seed: int) -> tuple[verdicts.Judg
     return found, found.word != "sound" or found.errors <= verdicts.ERRORS
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("logs", type=Path, nargs="*", metavar="LOG")
-    parser.add_argument("--seeds", type=int, default=2, help="of each loss")
-    parser.add_argument("--only", default="", help="parts of names, with commas between")
-    o = parser.parse_args(arguments)
-    missed = 0
-    cases = [(kind, share) for kind, share in CASES if any(w in kind for w in o.only.split(","))]
-    cases = cases or list(CASES)
-    for name in [] if o.logs else verdicts.TRUTHS:
-        if not any(w in name for w in o.only.split(",") if w not in dict(CASES)) and o.only:
-            continue
-        for kind, share in cases:
-            found = [judged(name, kind, share, seed) for seed in range(o.seeds)]
+def main(*logs: Path, seeds: int = 2, only: str = "") -> int:
+    missed, cases = 0, [one for one in CASES if common.wanted(only, one[0])] or CASES
+    names = ",".join(one for one in only.split(",") if one not in dict(CASES))
+    for name in () if logs else verdicts.TRUTHS:
+        for kind, share in cases if common.wanted(names, name) else ():
+            found = [judged(name, kind, share, seed) for seed in range(seeds)]
             missed += sum(not held for _, held in found)
             words = ", ".join(one.word for one, _ in found)
             off = max(one.errors for one, _ in found)
             print(f"{name:18s}{kind:8s}{share:5.0%}  {words}; at most {off:.1f} errors", flush=True)
-    for log in o.logs:
-        whole = fits(log)
-        loops = {
-            (one.axis, one.name): one.interval.value for one in flown_loops(log).margins().figures
-        }
-        for kind, share in cases:
-            for seed in range(o.seeds):
-                with tempfile.TemporaryDirectory() as folder:
-                    target = Path(folder, log.name)
-                    cut(log, target, kind, share, seed)
-                    text, held = of_log(log, target, whole, loops)
+    for log in logs:
+        with common.quiet(), tempfile.TemporaryDirectory() as folder:
+            whole, loops, target = fits(log), figures(log), Path(folder, log.name)
+            for kind, share, seed in ((*case, seed) for case in cases for seed in range(seeds)):
+                cut(log, target, kind, share, seed)
+                text, held = of_log(log, target, whole, loops)
                 missed += not held
                 print(f"{log.name:18s}{kind:8s}{share:5.0%} seed {seed}  {text}", flush=True)
     print(f"not held: {missed}")
@@ -155,5 +146,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    warnings.simplefilter("ignore")
-    sys.exit(main())
+    common.run(main)

@@ -8,7 +8,6 @@ intervals as wide as the figures scatter: "stated" is the standard deviation tha
     python scripts/proof/margins_study.py [REPLICATES] [PERIOD]
 """
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -79,27 +78,23 @@ def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, 
     return result
 
 
-def table(found: dict[Key, Covered], replicates: int) -> None:
+def main(replicates: int = 200, period: float = 60.0) -> None:
+    found = study(hs.load("jr700"), replicates, period)
     print(f"{replicates} replicates; covered of those that had the figure")
-    headings = ("exact", "bias", "scatter", "stated", "covered %", "had %")
-    print(f"{'figure':<13}{'axis':<5}{'at':<10}" + "".join(f"{one:>10}" for one in headings))
-    for (name, axis, at), one in sorted(found.items(), key=lambda item: item[0][1:]):
+    rows = []
+    for key, one in sorted(found.items(), key=lambda item: item[0][1:]):
         stated = np.median(one.high - one.low) / 3.92
-        numbers = (one.exact, np.mean(one.value) - one.exact, np.std(one.value), stated)
-        print(
-            f"{name:<13}{axis:<5}{at:<10}"
-            + "".join(f"{number:10.4g}" for number in numbers)
-            + f"{100 * one.share:10.1f}{100 * one.value.size / replicates:10.0f}"
-            + (" *" if one.share < WANTED else "")
-        )
+        numbers = one.exact, np.mean(one.value) - one.exact, np.std(one.value), stated
+        shares = 100 * one.share, 100 * one.value.size / replicates
+        rows.append((*key, *numbers, *shares, " *" if one.share < WANTED else ""))
+    common.table(
+        "figure:<13|axis:<5|at:<10|exact:10.4g|bias:10.4g|scatter:10.4g|stated:10.4g"
+        "|covered %:10.1f|had %:10.0f|:<2",
+        rows,
+    )
     shares = [one.share for one in found.values()]
     print(f"covered: {100 * np.mean(shares):.1f} % of all, least {100 * min(shares):.1f} %")
 
 
-def main(replicates: str = "200", period: str = "60") -> None:
-    found = study(hs.load("jr700"), int(replicates), float(period))
-    table(found, int(replicates))
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    common.run(main)

@@ -11,55 +11,51 @@ and of the fit.
 """
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import common
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
-from closed_loop import Aircraft
 from fleet import FLEET
 from recovering import Recovery, bound, recover
 
-HEAD = (
-    f"{'aircraft':<12}{'seed':>5}{'inside':>10}{'< 3 errors':>12}{'worst':>12}"
-    f"{'error %':>10}{'bound %':>10}{'J':>9}{'frf s':>8}{'fit s':>8}"
-)
 
-
-def row(aircraft: Aircraft, seed: int, one: Recovery) -> str:
-    name = one.worst
-    truth, found = aircraft.truth[name], one.fit[name]
-    size = 100.0 / abs(truth)
-    return (
-        f"{aircraft.name:<12}{seed:>5}{one.inside:>6}/{len(one.excess):<3}"
-        f"{100 * one.share:>10.2f} %{name:>12}"
-        f"{size * (found.value - truth):>10.2f}{size * bound(one.fit, name):>10.2f}"
-        f"{one.fit.cost:>9.2f}{one.response_seconds:>8.2f}{one.fit_seconds:>8.2f}"
-    )
-
-
-def study(aircraft: Aircraft, seeds: int, estimator: str) -> bool:
-    found = []
+def rows(name: str, seeds: int, estimator: str, kept: list[Recovery]) -> Iterator[tuple[Any, ...]]:
+    aircraft = FLEET[name]()
     for seed in range(seeds):
-        found.append(recover(aircraft, seed, estimator))
-        print(row(aircraft, seed, found[-1]), flush=True)
-    whole = sum(one.inside == len(one.excess) for one in found)
-    share = float(np.mean(np.concatenate([one.points for one in found]) <= 3.0))
-    print(
-        f"{aircraft.name}: all {len(aircraft.truth)} parameters inside their bounds on {whole} of "
-        f"{seeds} seeds; {100 * share:.2f} % of the frequency points below three stated errors; "
-        f"{np.mean([one.response_seconds for one in found]):.2f} s + "
-        f"{np.mean([one.fit_seconds for one in found]):.2f} s\n",
-        flush=True,
-    )
-    return whole == seeds and share >= 0.99
+        one = recover(aircraft, seed, estimator)
+        kept.append(one)
+        truth, size = aircraft.truth[one.worst], 100.0 / abs(aircraft.truth[one.worst])
+        off, most = size * (one.fit[one.worst].value - truth), size * bound(one.fit, one.worst)
+        inside, points = f"{one.inside}/{len(one.excess):<3}", f"{100 * one.share:.2f} %"
+        times = one.fit.cost, one.response_seconds, one.fit_seconds
+        yield aircraft.name, seed, inside, points, one.worst, off, most, *times
 
 
-def main(seeds: str = "20", names: str = ",".join(FLEET), estimator: str = "local") -> int:
-    print(HEAD)
-    met = [study(FLEET[name](), int(seeds), estimator) for name in names.split(",")]
-    return 0 if all(met) else 1
+def main(seeds: int = 20, names: str = ",".join(FLEET), estimator: str = "local") -> int:
+    met = True
+    for name in names.split(","):
+        found: list[Recovery] = []
+        common.table(
+            "aircraft:<12|seed:5|inside:10|< 3 errors:12|worst:12|error %:10.2f|bound %:10.2f"
+            "|J:9.2f|frf s:8.2f|fit s:8.2f",
+            rows(name, seeds, estimator, found),
+        )
+        whole = sum(one.inside == len(one.excess) for one in found)
+        share = float(np.mean(np.concatenate([one.points for one in found]) <= 3.0))
+        print(
+            f"{name}: all {len(found[0].excess)} parameters inside their bounds on {whole} of "
+            f"{seeds} seeds; {100 * share:.2f} % of the frequency points below three stated "
+            f"errors; {np.mean([one.response_seconds for one in found]):.2f} s + "
+            f"{np.mean([one.fit_seconds for one in found]):.2f} s\n",
+            flush=True,
+        )
+        met = met and whole == seeds and share >= 0.99
+    return int(not met)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    common.run(main)

@@ -30,6 +30,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import common
 import numpy as np
 from scipy.optimize import brentq, root
 
@@ -221,13 +222,14 @@ def rows() -> tuple[Row, ...]:
 
 
 def main() -> None:
-    head = f"{'source':<19}{'figure':<38}{'printed':>10}"
-    print(head + f"{'model':>10}{'off, %':>8}{'before':>10}{'off, %':>8}")
-    for row in rows():
-        found, before = (100.0 * one / row.printed - 100.0 for one in (row.found, row.before))
-        line = f"{row.source:<19}{row.what:<38}{row.printed:>10.4g}{row.found:>10.4g}{found:>8.1f}"
-        print(f"{line}{row.before:>10.4g}{before:>8.1f}")
+    common.table(
+        "source:<19|figure:<38|printed:10.4g|model:10.4g|off, %:8.1f|before:10.4g|off, %:8.1f",
+        (
+            (*row[:4], 100.0 * row.off, row.before, 100.0 * row.before / row.printed - 100.0)
+            for row in rows()
+        ),
+    )
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)

@@ -11,8 +11,6 @@ within three errors of nothing. Such fits are counted apart.
 The exit status is 1 if a fit is sound and wrong, or 2 % of the clean ones are not sound.
 """
 
-import argparse
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +18,11 @@ from typing import NamedTuple
 
 import common
 import numpy as np
-from scipy.signal import cont2discrete
 
 from helisim.base.errors import HelisimError
-from helisim.ident import Structure, frequency_response, identify
+from helisim.base.linear import zero_order_hold
+from helisim.ident import Structure, identify
+from helisim.ident.evaluate import linear
 from helisim.ident.structure import with_blocks
 from helisim.records.record import FlightRecord
 
@@ -53,14 +52,8 @@ TRUTHS = common.truths(Path(__file__).with_suffix(".toml"), Truth)
 def sweep(length: float, band: tuple[float, float], size: float, seed: int) -> np.ndarray:
     """Return an exponential sweep with the hand's noise and a rest of 3 s at both ends."""
     time = np.arange(0.0, length, FINE)
-    dice = np.random.default_rng(seed)
-    low, high = 0.6 * band[0], 1.2 * band[1]
-    span = length - 6.0
-    there = np.clip((time - 3.0) / span, 0.0, 1.0)
-    share = 0.0187 * (np.exp(4.0 * there) - 1.0)
-    phase = np.cumsum(low + share * (high - low)) * FINE
-    fade = np.clip(np.minimum(time - 3.0, length - 3.0 - time) / 2.0, 0.0, 1.0)
-    hand = np.cumsum(dice.normal(size=time.size)) * FINE**0.5
+    phase, fade = common.swept(time, length, 0.6 * band[0], 1.2 * band[1])
+    hand = np.cumsum(np.random.default_rng(seed).normal(size=time.size)) * FINE**0.5
     hand -= np.convolve(hand, np.ones(4001) / 4001, "same")
     return size * fade * np.sin(phase) + 0.05 * size * fade * hand
 
@@ -69,52 +62,36 @@ def fly(
     truth: Truth,
     axis: str,
     seed: int,
-    actuator: Callable[[np.ndarray], np.ndarray] | None = None,
+    actuator: Callable[[np.ndarray], np.ndarray] = np.copy,
     values: Mapping[str, float] | None = None,
     noise: float | None = None,
 ) -> Columns:
     """Return what a flight computer records of a sweep of one axis, inputs at the command."""
-    structure = truth.structure
-    numbers = structure.starts | dict(truth.values if values is None else values)
+    structure, size = truth.structure, truth.noise if noise is None else noise
     dice = np.random.default_rng([seed, structure.inputs.index(axis)])
-    matrices = structure.matrices(numbers)
-    m, f, g = (matrices[key] for key in "MFG")
-    a, b = np.linalg.solve(m, f), np.linalg.solve(m, g)
-    c = matrices["H0"] + matrices["H1"] @ a
-    d = matrices["D"] + matrices["H1"] @ b
-    command = {
-        name: sweep(truth.length, truth.band, truth.size * (1.0 if name == axis else 0.1), k)
+    model = linear(structure, structure.starts | dict(truth.values if values is None else values))
+    late, law = list(model.delays.values()), common.law_of(truth, structure.states)
+    asked = np.stack([
+        sweep(truth.length, truth.band, truth.size * (1.0 if name == axis else 0.1), k)
         for name, k in zip(structure.inputs, dice.integers(1 << 30, size=len(structure.inputs)))
-    }
-    ad, bd, *_ = cont2discrete((a, b, c, d), FINE, "zoh")
-    law = common.law_of(truth, structure.states)
-    state, asked = np.zeros(len(a)), np.stack(list(command.values()))
-    path = np.empty((asked.shape[1], len(a)))
-    if truth.law:  # without delay inside: what it commands is known as it goes
-        assert actuator is None
-        steps = np.rint(matrices["input_delays"].ravel() / FINE).astype(int)
-        for k in range(asked.shape[1]):
-            path[k] = state
-            asked[:, k] += law @ state
-            state = ad @ state + bd @ [asked[n, max(k - m, 0)] for n, m in enumerate(steps)]
-        driven = np.stack([_late(u, m * FINE) for u, m in zip(asked, steps)])
-        command = dict(zip(command, asked))
-    else:
-        late = matrices["input_delays"].ravel()
-        act = actuator or (lambda u: u)
-        driven = np.stack([_late(act(u), s) for u, s in zip(asked, late)])
-        for k, u in enumerate((bd @ driven).T):
-            path[k] = state
-            state = ad @ state + u
-    out = path @ c.T + driven.T @ d.T
-    size = truth.noise if noise is None else noise
-    late = matrices["output_delays"].ravel()
-    columns = {name: u[::EVERY].copy() for name, u in command.items()}
-    for name, y, s in zip(structure.outputs, out.T, late):
+    ])  # fmt: skip
+    driven = np.stack([_late(actuator(u), s) for u, s in zip(asked, late)])
+    ad, bd = zero_order_hold(model.a, model.b, FINE)
+    path, state = np.empty((asked.shape[1], len(ad))), np.zeros(len(ad))
+    steps = [round(one / FINE) for one in late]
+    for k, push in enumerate((bd @ driven).T):
+        path[k], state = state, ad @ state + push
+        if truth.law:
+            state += bd @ [own @ path[max(k - n, 0)] for own, n in zip(law, steps)]
+    back = law @ path.T
+    driven += [_late(u, n * FINE) for u, n in zip(back, steps)]
+    out = path @ model.c.T + driven.T @ model.d.T
+    columns = {name: u[::EVERY].copy() for name, u in zip(structure.inputs, asked + back)}
+    for (name, s), y in zip(model.output_delays.items(), out.T):
         columns[name] = _late(y, s)[::EVERY] + dice.normal(0.0, size, out[::EVERY].shape[0])
     for rate, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
         if rate in structure.outputs:
-            exact = np.cumsum(_late(out[:, structure.outputs.index(rate)], 0.0)) * FINE
+            exact = np.cumsum(out[:, structure.outputs.index(rate)]) * FINE
             columns[angle] = exact[::EVERY] + dice.normal(0.0, 0.1 * size, columns[rate].size)
     return columns
 
@@ -125,10 +102,7 @@ def _late(values: np.ndarray, delay: float) -> np.ndarray:
 
 
 def record(columns: Columns, step: float = FINE * EVERY) -> FlightRecord:
-    names = list(columns)
-    time = np.arange(columns[names[0]].size) * step
-    channels = tuple(map(common.channel_of, names))
-    return FlightRecord(time, np.column_stack([columns[name] for name in names]), channels)
+    return common.record(np.arange(len(next(iter(columns.values())))) * step, columns)
 
 
 def each(truth: Truth) -> list[tuple[str, int]]:
@@ -140,19 +114,20 @@ def flights(truth: Truth, seed: int, **how) -> list[FlightRecord]:
     return [record(fly(truth, axis, 10 * seed + k, **how)) for axis, k in each(truth)]
 
 
-def changed(change: Callable[[Columns, int], Columns], without: tuple[str, ...] = (), step=0.01):
-    """Return a damage that changes recorded columns."""
+def changed(change: Callable[..., Columns], without: tuple[str, ...] = (), step=0.01):
+    """Return a damage that changes recorded columns, by seed and number of the flight."""
 
     def damage(truth: Truth, seed: int) -> list[FlightRecord]:
-        flown = (change(fly(truth, axis, 10 * seed + k), 100 * seed + k) for axis, k in each(truth))
-        return [record({n: v for n, v in c.items() if n not in without}, step) for c in flown]
+        flown = (fly(truth, axis, 10 * seed + k) for axis, k in each(truth))
+        found = (change(one, seed, n) for n, one in enumerate(flown))
+        return [record({n: v for n, v in c.items() if n not in without}, step) for c in found]
 
     return damage
 
 
 def mapped(change: Callable[[np.ndarray], np.ndarray], names: tuple[str, ...], **how):
     """Return a damage that changes each of some columns."""
-    return changed(lambda c, _: {n: change(v) if n in names else v for n, v in c.items()}, **how)
+    return changed(lambda c, *_: {n: change(v) if n in names else v for n, v in c.items()}, **how)
 
 
 def within(change: Callable[[np.ndarray], np.ndarray]):
@@ -162,7 +137,7 @@ def within(change: Callable[[np.ndarray], np.ndarray]):
 
 def exchanged(one: str, other: str):
     swap = {one: other, other: one}
-    return changed(lambda c, _: {swap.get(n, n): v for n, v in c.items()})
+    return changed(lambda c, *_: {swap.get(n, n): v for n, v in c.items()})
 
 
 def two_trims(truth: Truth, seed: int) -> list[FlightRecord]:
@@ -191,33 +166,28 @@ def rate_limit(u: np.ndarray) -> np.ndarray:
     return walked(u, lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE))
 
 
-def dropped(c: Columns, seed: int) -> Columns:
-    keep = np.random.default_rng(seed).random(c["p"].size) > 0.02
+def dropped(c: Columns, seed: int, n: int) -> Columns:
+    keep = np.random.default_rng(100 * seed + n % 2).random(c["p"].size) > 0.02
     return {n: v[keep] for n, v in c.items()}
 
 
-def bursts(c: Columns, seed: int, share: float = 0.16) -> Columns:
+def bursts(c: Columns, seed: int, n: int, share: float = 0.16) -> Columns:
     """Lose bursts of 20 to 250 ms, all columns at once, filled by straight lines."""
-    dice, n = np.random.default_rng(seed), c["p"].size
-    known = np.ones(n, bool)
+    dice, k = np.random.default_rng(100 * seed + n % 2), np.arange(c["p"].size)
+    known = np.ones(k.size, bool)
     while known.mean() > 1.0 - share:
-        at = dice.integers(1, n - 30)
+        at = dice.integers(1, k.size - 30)
         known[at : at + dice.integers(2, 26)] = False
-    k = np.arange(n)
     return {name: np.interp(k, k[known], v[known]) for name, v in c.items()}
 
 
-def gusts(truth: Truth, seed: int) -> list[FlightRecord]:
-    found = []
-    for n, one in enumerate(flights(truth, seed)):
-        dice = np.random.default_rng([seed, n])
-        values = one.values.copy()
-        for name in ("p", "q"):
-            push = dice.normal(size=len(one))
-            for _ in range(2):
-                push = np.convolve(push, np.exp(-np.arange(200) / 50.0), "same")
-            values[:, one.names.index(name)] += 0.3 * push / push.std()
-        found.append(FlightRecord(one.time, values, one.channels))
+def gusts(c: Columns, seed: int, n: int) -> Columns:
+    dice, found = np.random.default_rng([seed, n]), dict(c)
+    for name in ("p", "q"):
+        push = dice.normal(size=c[name].size)
+        for _ in range(2):
+            push = np.convolve(push, np.exp(-np.arange(200) / 50.0), "same")
+        found[name] = c[name] + 0.3 * push / push.std()
     return found
 
 
@@ -232,24 +202,22 @@ DAMAGES = {
     "servo lag missing": lambda t, s: flights(t, s, actuator=lag, noise=0.052),
     "servo lag, quiet": within(lag),
     "two trims": two_trims,
-    "clock 10 % fast": changed(lambda c, _: c, step=0.009),
-    "clock 20 % fast": changed(lambda c, _: c, step=0.008),
+    "clock 10 % fast": changed(lambda c, *_: c, step=0.009),
+    "clock 20 % fast": changed(lambda c, *_: c, step=0.008),
     "rates in deg/s": mapped(np.degrees, RATES),
     "rates in deg/s, no attitude": mapped(np.degrees, RATES, without=(*ANGLES, "psi")),
     "2 % dropped, restamped": changed(dropped),
     "16 % lost in bursts, filled": changed(bursts),
     "p of the wrong sign": mapped(np.negative, ("p",)),
     "attitude in degrees": mapped(np.degrees, ANGLES),
-    "gusts": gusts,
+    "gusts": changed(gusts),
     "rate 20 % off": mapped(lambda v: 1.2 * v, ("p",)),
     "output filter of 40 ms": mapped(lambda v: lag(np.repeat(v, EVERY), 0.04)[::EVERY], RATES),
     "motion clipped": mapped(lambda v: v.clip(-(most := 0.4 * abs(v).max()), most), RATES),
     "time shift of outputs": mapped(lambda v: np.roll(v, -6), (*RATES, *ANGLES, "psi")),
 }
-MISSING = {
-    name: {"lat,lon": "first_order:name=missing"}
-    for name in ("servo lag missing", "servo lag, quiet")
-}
+_LAG = {"lat,lon": "first_order:name=missing"}
+MISSING = {"servo lag missing": _LAG, "servo lag, quiet": _LAG}
 """What a structure lacks of a damaged vehicle, in series; the record decides whether it shows."""
 
 
@@ -275,11 +243,8 @@ def judged(
     truth: Truth, records: list[FlightRecord], missing: Mapping[str, str] | None = None
 ) -> Judged:
     """Identify the records, and return the verdict beside the truth."""
-    inputs, outputs = truth.structure.inputs, truth.structure.outputs
     try:
-        with common.quiet():
-            frf = frequency_response(records, inputs=inputs, outputs=outputs, band=truth.band)
-            fit = identify(frf, truth.structure)
+        frf, fit = common.identified(records, truth.structure, truth.band)
     except HelisimError as error:
         return Judged("refused", (str(error),))
     size = {name: abs(truth.values[name]) for name in truth.main}
@@ -298,40 +263,31 @@ def judged(
     return found
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=10, help="of each damage")
-    parser.add_argument("--clean", type=int, default=34, help="flights of each truth")
-    parser.add_argument("--only", default="", help="parts of names, with commas between")
-    o = parser.parse_args()
-    cases = [(name, "rollpitch", damage, o.seeds) for name, damage in DAMAGES.items()]
-    cases += [(f"clean {name}", name, flights, o.clean) for name in TRUTHS]
-    wrong = hidden = clean = unsound = 0
+def main(*, seeds: int = 10, clean: int = 34, only: str = "") -> int:
+    cases = [(name, "rollpitch", damage, seeds) for name, damage in DAMAGES.items()]
+    cases += [(f"clean {name}", name, flights, clean) for name in TRUTHS]
+    wrong = hidden = flown = unsound = 0
     print(f"{'damage':28s}  verdicts; sound yet wrong; worst error, stated errors and share")
     for name, truth, damage, count in cases:
-        if not common.wanted(o.only, name) or not count:
+        if not common.wanted(only, name) or not count:
             continue
-        missing = MISSING.get(name)
-        seeds = (damage(TRUTHS[truth], seed) for seed in range(count))
-        found = [judged(TRUTHS[truth], flown, missing) for flown in seeds]
+        one, missing = TRUTHS[truth], MISSING.get(name)
+        found = [judged(one, damage(one, seed), missing) for seed in range(count)]
         words = [one.word for one in found]
         bad = sum(one.misled and one.shown > ERRORS for one in found)
         unseen = sum(one.misled for one in found) - bad
         wrong, hidden = wrong + bad, hidden + unseen
         if damage is flights:
-            clean, unsound = clean + count, unsound + count - words.count("sound")
+            flown, unsound = flown + count, unsound + count - words.count("sound")
         worst = max(found, key=lambda one: one.errors)
-        print(
-            f"{name:28s}  {common.counted(words)}; {bad}; {worst.errors:.1f}, "
-            f"{100 * worst.share:.1f} %"
-            + (f"; {unseen} more that the record can't show" if unseen else ""),
-            *(f"\n    {one}" for one in found[0].reasons[:1]),
-            flush=True,
-        )
+        off = f"{worst.errors:.1f}, {100 * worst.share:.1f} %"
+        off += f"; {unseen} more that the record can't show" if unseen else ""
+        print(f"{name:28s}  {common.counted(words)}; {bad}; {off}")
+        print(*(f"    {one}\n" for one in found[0].reasons[:1]), sep="", end="", flush=True)
     print(f"sound yet wrong: {wrong}, and {hidden} by what records can't show")
-    print(f"clean and not sound: {unsound} of {clean}")
-    return int(wrong > 0 or unsound > ALLOWED * clean)
+    print(f"clean and not sound: {unsound} of {flown}")
+    return int(wrong > 0 or unsound > ALLOWED * flown)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    common.run(main)

@@ -10,14 +10,15 @@ those of his derivatives. The book is a calculation, and contradicts itself in p
 import copy
 import re
 import shutil
-import textwrap
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import common
 import mujoco
 import numpy as np
+from full_scale import CLOSE, HALF_A_DEGREE, KNOT, SMALL
 
 from helisim.base.files import read_toml
 from helisim.physics.layout import PARAM
@@ -33,7 +34,6 @@ OWN = {f"{part}.{key}": v for part, some in TABLE["vehicle"].items() for key, v 
 POUND, FOOT, HORSEPOWER, GRAVITY = 4.4482216, 0.3048, 745.69987, 9.81
 KNOTS = {"hover": 0.0, "60 kn": 60.0, "115 kn": 115.0}
 MASS = TABLE["weight"] * POUND / GRAVITY
-CLOSE, SMALL, HALF_A_DEGREE = 0.15, 0.05, np.radians(0.5)  # as of full_scale.py
 CONTROLS = {  # stick, and parameter of the radians of a unit of it, with its sign
     "theta_0": ("col", "main_rotor.pitch_range", 1.0),
     "A_1": ("lat", "geometry.cyclic_range", 1.0),
@@ -66,7 +66,7 @@ def flights(changes: tuple[tuple[str, float], ...] = ()) -> dict[str, Flight]:
         vehicle = load(folder, parameters=own)
     found = {}
     for name, knots in KNOTS.items():
-        vehicle = vehicle.trimmed(speed=knots * 1852.0 / 3600.0)  # each from the one before
+        vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
         figures, linear, scales = derived(vehicle)
         figures |= trim_of(vehicle) | roots(linear.a, linear.states)
         found[name] = Flight(figures, linear, scales)
@@ -169,19 +169,18 @@ def verdict(flight: str, name: str) -> str:
 
 
 def main() -> None:
-    for flight, rows in PRINTED.items():
-        print(f"{flight:<18}{'printed':>12}{'model':>12}{'off, %':>9}")
-        for name, printed in rows.items():
+    for flight, printed in PRINTED.items():
+        rows = []
+        for name, value in printed.items():
             found = flights()[flight].figures[name]
-            off = f"{100.0 * found / printed - 100.0:9.0f} {verdict(flight, name)}"
-            print(f"{name:<18}{printed:>12.5g}{found:>12.5g}{off}".rstrip())
+            off = 100.0 * found / value - 100.0
+            rows.append((name, value, found, off, f" {verdict(flight, name)}"))
+        common.table(f"{flight}:<18|printed:12.5g|model:12.5g|off, %:9.0f|:<2", rows)
         print()
     print(f"Without a sign: within {100.0 * CLOSE:.0f} %; . small; ? unexplained.")
     print("L_v, M_theta_0T and lateral of the hover have the signs of his own equations.")
-    words = {one["letter"]: one["words"] for one in TRIED if "words" in one}
-    for letter, text in words.items():
-        print(textwrap.fill(f"{letter}  {text}", 88, subsequent_indent="   "))
+    common.legend({one["letter"]: one["words"] for one in TRIED if "words" in one})
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)

@@ -275,12 +275,12 @@ def test_the_jr700_in_ardupilots_units(study, jr700):
 @pytest.mark.study
 def test_logs_that_it_wrote_meet_the_bars(study, ardupilot, monkeypatch, tmp_path):
     monkeypatch.setenv("HELISIM_ARDUPILOT", str(ardupilot))
-    assert study.main(["--fly", str(tmp_path)]) == 0
+    assert study.main(fly=str(tmp_path)) == 0
 
 
 @pytest.fixture(scope="module")
 def proof():
-    return loaded("proof/flown_loops")
+    return loaded("sitl_study")
 
 
 @pytest.fixture(scope="module")
