@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import helisim as hs
 import script
 from command import fails
+from flown_copter import LAW, Flown, Plant
 from helisim.base.errors import InputError, LogError
 from helisim.cli import main
-from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import Curve
@@ -18,7 +17,7 @@ from helisim.logs import Column
 from helisim.look.loops import flown_loops
 from helisim.look.sweeps import SID_AXES, usual_step
 from helisim.look.systemid import estimate_fits, followed_band, infer, sent_yaw, tail_servo
-from sid_logs import TRUTH, SidLog, _system, chirp, flown, four_axes
+from sid_logs import TRUTH, SidLog, flown, four_axes
 from tabled import tabled
 
 HZ = 2.0 * np.pi
@@ -369,108 +368,6 @@ def test_a_coefficient_takes_three_frequencies(count, order):
 # The loops of an ArduCopter-heli's law about a helicopter that is known, from a log of sweeps.
 
 lost_samples = script.loaded("proof/lost_samples")
-
-RATE = 100.0
-PARAMETERS = {
-    "SCHED_LOOP_RATE": RATE,
-    "INS_GYRO_FILTER": 0.0,
-    "ATC_INPUT_TC": 0.2,
-    "ATC_RATE_FF_ENAB": 1.0,
-    **{f"ATC_ANG_{word}_P": 3.0 for word in ("RLL", "PIT", "YAW")},
-    **{
-        f"ATC_RAT_{word}_{name}": value
-        for word, p in (("RLL", 0.2), ("PIT", 0.15), ("YAW", 0.08))
-        for name, value in {
-            "P": p, "I": 0.05, "D": 0.0, "FF": 0.1, "D_FF": 0.0, "FLTT": 20.0, "FLTE": 0.0,
-            "FLTD": 0.0, "IMAX": 1.0, "ILMI": 1.0,
-        }.items()
-    },
-}  # fmt: skip
-LAW = ArduCopterLaw.of(PARAMETERS)
-SWEEP = {"low": 0.5, "high": 8.0, "length": 24.0}
-OUTPUTS = ("p", "q", "r", "phi", "theta", "psi")
-
-
-def plant():
-    """Return A, B and C of the helicopter of `sid_logs` with its angles, at ticks."""
-    a, b = _system(slip=False)
-    whole = np.zeros((12, 12))
-    whole[:6, :6], whole[:6, 9:] = a[:6, :6], b[:6, :3]
-    whole[[6, 7, 8], [0, 1, 4]] = 1.0
-    held = expm(whole / RATE)
-    return held[:9, :9], held[:9, 9:], np.eye(9)[[0, 1, 4, 6, 7, 8]]
-
-
-class Plant:
-    """Responses of the helicopter from commands to motion."""
-
-    inputs, outputs = COMMANDS, OUTPUTS
-
-    def response(self, frequency):
-        """Return (6, 3, n_freq)."""
-        a, b, c = plant()
-        z = np.exp(1j * frequency / RATE)
-        return np.stack([c @ np.linalg.solve(one * np.eye(9) - a, b) for one in z], axis=-1)
-
-
-class Flown(SidLog):
-    """A log of flights by `LAW`; the pilot brings back what drifts off, by his stick."""
-
-    def __init__(self, pilot=0.0, **options):
-        super().__init__(rate=RATE, parameters=PARAMETERS, **options)
-        self._pilot = pilot
-        self.define(7, "ANG", "Qffffff", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw",
-                    units="sdddddd", multipliers="F------")  # fmt: skip
-        for number, name in ((8, "PIDR"), (9, "PIDP"), (10, "PIDY")):
-            self.define(number, name, "Qfffff", "TimeUS,P,I,D,FF,DFF")
-
-    def fly(self, axis):
-        """Fly a sweep of one SID_AXIS, and write what is logged of it."""
-        row = COMMANDS.index(SID_AXES[axis].control)
-        time = np.arange(2800) / RATE
-        swept, frequency = chirp(time - 1.0, **SWEEP)
-        targ, law = np.where(time < 1.0, 0.0, 0.05 * swept), LAW.ticked
-        (a, b, c), state, inner, drift = plant(), np.zeros(9), np.zeros(len(law.a)), np.zeros(2)
-        rows, added = [], 0.0
-        for k in range(time.size):
-            asked = np.array([*(-self._pilot * drift), 0.0])
-            seen = np.concatenate([c @ state, asked, np.zeros(len(law.b[0]) - 9)])
-            back = law.c @ inner + law.d @ seen
-            inner = law.a @ inner + law.b @ seen
-            total = back.copy()
-            total[row] += added
-            added = targ[k]
-            rows.append([*total, *back, *(c @ state), *inner[15:18]])
-            state = a @ state + b @ total
-            drift += (c @ state)[3:5] / RATE
-        self._write(axis, time, targ, frequency, np.array(rows).T)
-        return self
-
-    def _write(self, axis, time, targ, frequency, rows):
-        total, back, rates, angles, aims = np.split(rows, [3, 6, 9, 12])
-        begun, zero = self._now, np.zeros(time.size)
-        length, low = SWEEP["length"], SWEEP["low"]
-        self.write(
-            4, self.us, axis, np.abs(targ).max(), low, SWEEP["high"], 1.0, 2.0 / low,
-            length, 1.0,
-        )  # fmt: skip
-        self.mode(25)
-        degrees = np.degrees(rates)
-        turned = np.degrees([x for pair in zip(aims, angles) for x in pair])
-        sent = [x for r, u in zip(degrees, total) for x in (zero, r, u)]
-        written = [
-            (5, [time, targ, frequency, *degrees, zero, zero, zero - 9.8]),
-            (6, [*sent, zero, zero, zero + 0.5]),
-            (7, [*turned]),
-            *(
-                (8 + k, [one, zero, zero, zero, zero])
-                for k, one in enumerate(back)
-                if f"PID{'RPY'[k]}" not in self._without
-            ),
-        ]
-        each = [self._rows(number, begun + time, values) for number, values in written]
-        self.messages.append(np.hstack(each).tobytes())
-        self._now = begun + float(time[-1]) + 4.0
 
 
 def off(found, axis):

@@ -129,8 +129,8 @@ class Changed:
     within: float | None = None
 
     def __str__(self) -> str:
-        error = "" if self.within is None else f" +- {self.within:.2g}"
-        return f"{self.before:.4g} before{error and f'; {self.after:.4g}{error}'}. {self.why}"
+        error = "" if self.within is None else f"; now +- {self.within:.2g}"
+        return f"{self.before:.4g} before{error}: {self.why}"
 
 
 @dataclass(frozen=True, eq=False)
