@@ -132,6 +132,7 @@ def test_what_it_says_is_kept_and_warnings_are_told(copter):
     pilot = piloted(copter, said)
     assert pilot.telemetry.mode is None
     assert not pilot.telemetry.armed
+    assert pilot.shown["mode"] == ""
     assert math.isnan(pilot.telemetry.numbers("ATTITUDE", "yaw")[0])
     for severity in range(3, 7):
         copter.say(f"text {severity}", severity)
@@ -139,6 +140,13 @@ def test_what_it_says_is_kept_and_warnings_are_told(copter):
     copter.fly(pilot.wait(0.05), pilot)
     assert pilot.telemetry.said == [f"text {severity}" for severity in range(3, 7)]
     assert said == ["ArduPilot: text 3", "ArduPilot: text 4"]
+    pilot.sticks = Sticks(roll=0.1, throttle=0.5, rotor=True)
+    copter.fly(pilot.wait(1.5), pilot)
+    sticks = {"roll": "+0.10", "pitch": "+0.00", "throttle": "+0.50", "yaw": "+0.00"}
+    assert pilot.shown == {"mode": "number 17", **sticks, "rotor": "on"}
+    copter.mode = SYSTEMID
+    copter.fly(pilot.wait(0.2), pilot)
+    assert pilot.shown["mode"] == "systemid"
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
@@ -211,8 +219,9 @@ def test_sweeps_are_flown_one_after_the_other_in_one_place(copter):
 @pytest.mark.parametrize(
     ("away", "text", "says"),
     [
-        (29.0, "SystemID Stopped", "SystemID Stopped; try a smaller magnitude"),
-        (31.0, "", "it went 30 m away; try a smaller"),
+        ((29.0, 0.0, 0.0), "SystemID Stopped", "SystemID Stopped; try a smaller magnitude"),
+        ((31.0, 0.0, 0.0), "", "it went 30 m away; try a smaller"),
+        ((0.0, 0.0, 20.0), "", "it landed; try a smaller"),
     ],
 )
 def test_a_sweep_ends_where_the_autopilot_stops_it_or_it_goes_far(copter, away, text, says):
@@ -225,7 +234,7 @@ def test_a_sweep_ends_where_the_autopilot_stops_it_or_it_goes_far(copter, away, 
         for step in fly_sweep(pilot, Sweep("pitch", 0.06, 1.0, 5.0, 10.0)):
             if copter.mode == SYSTEMID and not gone:
                 gone.append(copter.time)
-                copter.place += [away, 0.0, 0.0]
+                copter.place += away
             if gone and text and copter.time > gone[0] + 1.0:
                 copter.say(text)
             yield step
