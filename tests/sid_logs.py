@@ -125,6 +125,9 @@ class SidLog(Log):
             units="skk-kk-kk----", multipliers="F------------",
         )  # fmt: skip
         self.define(11, "ANG", "Qff", "TimeUS,DesRoll,Roll", units="sdd", multipliers="F--")
+        self.define(12, "EV", "QB", "TimeUS,Id", units="s-", multipliers="F-")
+        self.define(13, "ERR", "QBB", "TimeUS,Subsys,ECode", units="s--", multipliers="F--")
+        self.define(14, "CTUN", "Qf", "TimeUS,Alt", units="sm", multipliers="F-")
         self.place = [(parameters or {}).get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"]
         self.say("ArduCopter V4.7.0 (test)")
         for name, value in {"FRAME_CLASS": 6.0, **(parameters or {})}.items():
@@ -155,10 +158,19 @@ class SidLog(Log):
         self.write(3, self.us, number, number, 2)
 
     def sweep(
-        self, axis, *, stop=None, why="SystemID Stopped: lean=31.0 max=30.0", keep=None, **options
-    ):
-        """Fly a sweep, stopped after `stop` s, and write rows `keep`, (n_time,), of it."""
+        self, axis, *, stop=None, why="SystemID Stopped: lean=31.0 max=30.0", keep=None,
+        lands=np.inf, told="motion", **options,
+    ):  # fmt: skip
+        """Fly a sweep, stopped after `stop` s, and write rows `keep`, (n_time,), of it.
+
+        It `lands` after so many s, as is `told` by motion or height alone, or a message (number
+        and fields).
+        """
         time, injected, frequency, commands, motion = flown(axis, rate=self.rate, **options)
+        if told == "motion":
+            motion = motion * (time < lands)[:, None]
+        elif told != "height" and lands < np.inf:
+            self.write(told[0], self.us + round(1e6 * lands), *told[1:])
         sweep = {"low": 0.5, "high": 8.0, "length": 24.0, "magnitude": 0.05} | options
         low, high = sweep["low"], sweep["high"]
         unit = 180.0 / np.pi if axis < 10 else 1.0
@@ -185,6 +197,9 @@ class SidLog(Log):
             )
             if name not in self._without
         ]
+        if told == "height":
+            left = self._rows(14, begun + time, [12.0 * np.clip(1.0 - time / lands, 0.0, 1.0)])
+            self.messages.append(left[::10].tobytes())
         if options.get("slip"):
             rows.append(self._rows(11, begun + time, [zero, 180.0 / np.pi * motion[:, 6]])[kept])
         self.messages.append(np.hstack(rows).tobytes())

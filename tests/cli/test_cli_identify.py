@@ -245,6 +245,22 @@ def test_options_overrule_what_the_log_says(tmp_path, capsys):
     assert out.exists()
 
 
+def test_a_refused_fit_and_a_sweep_that_sank_end_no_other(tmp_path, capsys):
+    """Roll sinks; pitch is read from the yaw gyro, which it doesn't move; yaw and thrust go on."""
+    log, out = SidLog().sweep(10, lands=6.0, told="height", **SHORT), tmp_path / "model.json"
+    for axis in (11, 12, 13):
+        log.sweep(axis, noise=0.3, seed=axis, **SHORT)
+    words = [str(log.save(tmp_path)), "--channel", "q=SIDD.Gz:deg/s", "--json", str(out)]
+    assert main(["identify", *words]) == 2
+    printed = capsys.readouterr()
+    named = r"mixer roll: .*not used: it was on the ground, or within 0\.5 m of it, at 15\.8 s"
+    assert re.search(named, " ".join(printed.out.split()))
+    (said,) = (one for one in printed.err.splitlines() if "q_lon isn't identified: " in one)
+    assert "no response has 5 points with a coherence of 0.6" in said
+    models = {path.stem: json.loads(path.read_text()) for path in tmp_path.glob("*.json")}
+    assert sorted(models) == ["model-heave_imu", "model-yaw_alone"]
+
+
 def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
     path, other = SidLog().save(tmp_path), tmp_path / "a.csv"
     assert "no SystemID messages (SIDS, SIDD)" in fails(capsys, "identify", path)

@@ -135,8 +135,12 @@ def test_no_autopilot_and_another_protocol(capsys, counting, monkeypatch):
         return receive(link, *given, **more)
 
     monkeypatch.setattr(Link, "receive", hello)
-    said = fails(capsys, "sitl", "--port", 0, "--quiet")
-    assert "a packet of 5 bytes with the magic number 25960; expected 18458 or 29569" in said
+    said = fails(capsys, "sitl", "--port", 0, "--wait", 0.5, "--quiet")
+    assert "no autopilot sent a frame" in said
+    assert (
+        "what came was a packet of 5 bytes with the magic number 25960; expected 18458 or 29569"
+        in said
+    )
 
 
 def served(frames, *arguments):

@@ -1,5 +1,7 @@
 """What is inferred from logs of ArduPilot's mode SystemID."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,35 @@ def test_sweeps_that_end_at_once_or_move_positions_are_left_out_and_said(tmp_pat
     with pytest.raises(LogError, match=r"identifies the vehicle: SID_AXIS 16 at .* s, 17 at") as no:
         infer(SidLog().sweep(16, **SHORT).sweep(17, **SHORT).save(tmp_path, "b.bin"))
     assert str(no.value).count("too slow for the vehicle") == 1
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ("motion", r"nothing moved from 16\.0 to 18\.0 s, as on the ground"),
+        ("height", r"within 0\.5 m of it, at 15\.8 s \(CTUN\.Alt\)"),
+        ((12, 18), r"says that it landed \(EV 18\) at 16\.0 s"),
+        ((13, 12, 1), r"says that it crashed \(ERR 12\) at 16\.0 s"),
+    ],
+)
+def test_a_sweep_that_sank_is_left_out_and_named(tmp_path, told, said):
+    """After an event of landing it is on the ground until one of lifting off."""
+    log = SidLog().sweep(10, lands=6.0, told=told, **SHORT)
+    if isinstance(told, tuple):
+        log.sweep(11, **SHORT).write(12, log.us - 1, 28)
+    found = infer(log.sweep(12, told="height", **SHORT).save(tmp_path))
+    assert re.search(rf"mixer roll: .*not flown to its end; not used: .*{said}", str(found))
+    assert [(one.axis, one.complete) for one in found.used] == [(12, True)]
+    assert [fit.structure for fit in found.fits] == ["yaw_alone"]
+    with pytest.raises(LogError, match=f"{said}.* fly the mode SystemID again"):
+        infer(SidLog().sweep(10, lands=6.0, told=told, **SHORT).save(tmp_path))
+
+
+def test_bands_without_a_common_part_refuse_one_fit(tmp_path):
+    log = SidLog().sweep(10, low=1.0, high=2.0, length=12.0).sweep(11, low=4.0, length=12.0)
+    found = infer(log.save(tmp_path))
+    assert [fit.structure for fit in found.fits] == ["tf:0/2", "tf:0/2"]
+    assert "rollpitch_speeds isn't fitted: the sweeps of lat, lon have no frequency" in str(found)
 
 
 def test_a_gap_of_seconds_splits_a_sweep_and_ends_it_not(tmp_path):

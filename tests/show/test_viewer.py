@@ -10,7 +10,7 @@ from PIL import Image
 
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.show.viewer import SLOWED, TILT_GAIN, Watched, aim, prepare_live, seen, watch
+from helisim.show.viewer import LEGEND, SLOWED, TILT_GAIN, Watched, aim, prepare_live, seen, watch
 from helisim.sim import Doublet
 from helisim.sitl import Aircraft
 from helisim.sitl.link import Frame
@@ -145,6 +145,9 @@ class SitlWindow:
     def lock(self):
         return nullcontext()
 
+    def set_texts(self, texts):
+        self.texts = texts
+
 
 @pytest.fixture(scope="module")
 def flown(jr700):
@@ -159,7 +162,8 @@ def watched(flown):
     aircraft, flight = flown
     aircraft.reset()
     window, clock = SitlWindow(flight.data), [0.0]
-    return aircraft, window, Watched(aircraft, flight, window, clock=lambda: clock[0]), clock
+    own = {"told": lambda: {"mode": "land", "roll": "+0.10"}, "clock": lambda: clock[0]}
+    return aircraft, window, Watched(aircraft, flight, window, **own), clock
 
 
 def fly(aircraft, shown, clock, pulses, frames):
@@ -176,6 +180,8 @@ def test_pictures_come_sixty_times_a_second_until_the_window_is_closed(watched):
     assert not fly(aircraft, shown, clock, IDLE, 500)
     assert len(window.pictures) == 1 + 500 // 17
     np.testing.assert_allclose(window.pictures[-1][0], aircraft.data.qpos, atol=1e-3)
+    assert window.texts[0][2] == LEGEND
+    assert window.texts[1][2:] == ("height\nmode\nroll", "0.0 m\nland\n+0.10")
     assert not shown.on_wait()
     window.is_open = False
     assert shown.on_wait()

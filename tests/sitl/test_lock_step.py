@@ -151,6 +151,27 @@ def test_an_autopilot_that_starts_anew_finds_the_helicopter_on_the_ground(monkey
     assert "2 starts of the autopilot" in str(told)
 
 
+def test_a_late_frame_is_no_start_and_a_strangers_packet_no_end(monkeypatch):
+    """Whenever a lower count comes from the same port, only 0 begins anew."""
+    monkeypatch.setattr(link_module, "_AT_ONCE", 0.05)
+    with Served() as served:
+        autopilot = served.autopilot()
+        autopilot._socket.sendto(b"hello", ("127.0.0.1", served.link.port))
+        for _ in range(5):
+            autopilot.frame((1000,))
+        time.sleep(0.1)
+        autopilot.count = 3
+        autopilot.send()
+        autopilot.count = 5
+        assert autopilot.frame((1000,))["timestamp"] == pytest.approx(6e-3)
+        time.sleep(0.1)
+        autopilot.count = 0
+        assert autopilot.frame((1000,))["timestamp"] == pytest.approx(1e-3)
+    assert "5 bytes with the magic number 25960" in served.link.stranger
+    assert served.flown == [*range(6), 0]
+    assert (served.resets, served.told.ignored) == (1, 2)
+
+
 def test_frames_that_never_come_late_or_again_are_told():
     """A count that jumps is flown and told; one that falls at once is a packet on a detour.
 

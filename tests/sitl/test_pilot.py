@@ -7,7 +7,7 @@ import pytest
 
 from helisim.base.errors import AutopilotError, UnknownNameError
 from helisim.sim.weather import Weather
-from helisim.sitl.pilot import MODES, Hold, Pilot, Sticks, Telemetry  # noqa: F401  (rows name it)
+from helisim.sitl.pilot import MODES, Hold, Pilot, Sticks, Telemetry
 from helisim.sitl.systemid import Sweep, fly_sweep, fly_sweeps
 
 pytest.importorskip("pymavlink", reason="a ground station speaks by pymavlink")
@@ -126,6 +126,7 @@ def test_what_it_says_is_kept_and_warnings_are_told(copter):
     pilot = piloted(copter, said)
     assert pilot.telemetry.mode is None
     assert not pilot.telemetry.armed
+    assert pilot.shown["mode"] == ""
     assert math.isnan(pilot.telemetry.numbers("ATTITUDE", "yaw")[0])
     for severity in range(3, 7):
         copter.say(f"text {severity}", severity)
@@ -133,6 +134,13 @@ def test_what_it_says_is_kept_and_warnings_are_told(copter):
     copter.fly(pilot.wait(0.05), pilot)
     assert pilot.telemetry.said == [f"text {severity}" for severity in range(3, 7)]
     assert said == ["ArduPilot: text 3", "ArduPilot: text 4"]
+    pilot.sticks = Sticks(roll=0.1, throttle=0.5, rotor=True)
+    copter.fly(pilot.wait(1.5), pilot)
+    sticks = {"roll": "+0.10", "pitch": "+0.00", "throttle": "+0.50", "yaw": "+0.00"}
+    assert pilot.shown == {"mode": "number 17", **sticks, "rotor": "on"}
+    copter.mode = SYSTEMID
+    copter.fly(pilot.wait(0.2), pilot)
+    assert pilot.shown["mode"] == "systemid"
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
@@ -213,7 +221,7 @@ def test_a_sweep_ends_where_the_autopilot_stops_it_or_it_goes_far(copter, away, 
         for step in fly_sweep(pilot, Sweep("pitch", 0.06, 1.0, 5.0, 10.0)):
             if copter.mode == SYSTEMID and not gone:
                 gone.append(copter.time)
-                copter.place += [away, 0.0, 0.0]
+                copter.place += away
             if gone and text and copter.time > gone[0] + 1.0:
                 copter.say(text)
             yield step

@@ -1,6 +1,8 @@
 """ArduPilot's process is started apart from everything, and flown by scripts."""
 
+import re
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -58,6 +60,19 @@ for count in range(10_000):
     while (data := sender.recv(4096))[:1] == b"\\xfd":
         if data[7] == 70:  # RC_CHANNELS_OVERRIDE of MAVLink 2
             told.write(str(count) + " ")
+"""
+ENDS = """
+import types
+from pymavlink.dialects.v20 import ardupilotmega
+print("Loaded defaults\\nLoaded defaults", flush=True)
+channel = types.SimpleNamespace(write=lambda data: send(data, telemetry))
+ardupilotmega.MAVLink(channel, 1, 1).statustext_send(6, b"EKF variance")
+written = open("logs/00000002.BIN", "wb", buffering=0)
+for count in range(100_000):
+    if count == {dies}: sys.exit(7)
+    written.write(b"%d " % count)
+    send(struct.pack("<HHI16H", 18458, 1000, count, *[1000] * 16), frames)
+    while sender.recv(4096)[:1] == b"\\xfd": pass
 """
 
 
@@ -152,6 +167,39 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
     struck.crashed = "a wall"
     with pytest.raises(AutopilotError, match=r"crashed at 0\.0 s: a wall"):
         fly_script(script, struck, fake(tmp_path, rest), "")
+
+
+@pytest.mark.parametrize(
+    ("does", "dies", "status", "said", "frames"),
+    [
+        ("signal.raise_signal(signal.SIGTERM)", 0, 130, "interrupted", 500),
+        ("signal.raise_signal(signal.SIGINT)", 0, 130, "interrupted", 500),
+        ("pass", 700, 2, r"status 7; its last words: EKF variance$", 700),
+        ("raise AutopilotError('SystemID Stopped')", 0, 2, "d; it said last: EKF variance$", 4500),
+        ("pilot.aircraft.data.qpos[2] += 1.0", 0, 2, r"crashed at .*hit the .*last: EKF va", 4900),
+    ],
+)
+def test_a_flight_that_ends_early_keeps_log_and_record(
+    tmp_path, monkeypatch, capsys, does, dies, status, said, frames
+):
+    """After a refusal or a crash it flies on for 4 s, so that the log has what led there."""
+    rest = ENDS.replace("{dies}", str(dies or -1))
+    own, temporary = tmp_path / "own.py", tmp_path / "temporary"
+    begins = "import signal\nfrom helisim.base.errors import AutopilotError\ndef fly(pilot):"
+    lines = begins, "yield from pilot.wait(0.5)", does, "yield from pilot.wait(9.0)"
+    own.write_text("\n    ".join(lines))
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    log, record = tmp_path / "kept.bin", tmp_path / "kept.parquet"
+    words = ["--script", own, "--ardupilot", fake(tmp_path, rest), "--log", log, "--record", record]
+    assert main(["sitl", *map(str, words)]) == status
+    printed = capsys.readouterr()
+    assert re.search(said, printed.err.splitlines()[-1])
+    assert f"its log until then is kept: {log}" in printed.err
+    flown = len(log.read_text().split())
+    assert frames <= flown < frames + 100
+    assert read_record(record).duration == pytest.approx(1e-3 * flown, abs=0.02)
+    assert not list(temporary.iterdir())
 
 
 def test_sweeps_have_ardupilots_numbers_and_own_scripts_are_generators_called_fly(tmp_path):

@@ -4,7 +4,7 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -55,7 +55,8 @@ def sitl(o: Options) -> int:
         options:
         --record FILE <.parquet .csv>  write the true motion, .parquet or .csv, numbered
         @rerun
-        --view  show it in MuJoCo's viewer while it flies
+        --view  show it in MuJoCo's viewer while it flies: height, mode and sticks
+            of a script's flight, too; of another one height and pulses
         @quiet
 
     examples:
@@ -79,6 +80,8 @@ def sitl(o: Options) -> int:
     """
     from helisim.sitl import Aircraft, Link
 
+    # a polite end by another program is one by Ctrl-C, so that what was flown is written
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     given = [f"--{name}" for name in ("log", "ardupilot", "parm", "axes") if getattr(o, name)]
     if given and o.script is None:
         raise InputError(f"{', '.join(given)}: of a flight that --script flies")
@@ -101,8 +104,6 @@ def _serve(o: Options, aircraft: "Aircraft", link: "Link") -> int:
     from helisim.sitl import serve
 
     write = _writer(o, aircraft)
-    # a polite end by another program is one by Ctrl-C, so that what was flown is written
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _watched(o, aircraft) as (_, calls):
         if not o.quiet:
             _say(_listening(o, link))
@@ -156,12 +157,12 @@ def _writer(o: Options, aircraft: "Aircraft") -> Callable[[], None]:
 
 @contextmanager
 def _watched(
-    o: Options, aircraft: "Aircraft"
+    o: Options, aircraft: "Aircraft", pilots: "Sequence[Pilot]" = ()
 ) -> Iterator[tuple[Callable[[str], None], dict[str, Any]]]:
     from helisim.show.viewer import Watched, seen, shown
 
     start = time.monotonic()
-    last, due = "waits", start
+    last, due, pulses = "waits", start, tuple[int, ...]()
 
     def tell(text: str) -> None:
         nonlocal last, due
@@ -171,8 +172,14 @@ def _watched(
             factor = aircraft.time / max(now - start, 1e-3)
             _say(f"{aircraft.time:7.1f} s (x{factor:.1f})  {text}", file=sys.stderr)
 
+    def told() -> dict[str, str]:
+        return pilots[-1].shown if pilots else {"pulses": " ".join(map(str, pulses[:8]))}
+
     def on_frame(frame: "Frame", sensed: "Sensed") -> bool:
-        crash = aircraft.crashed and f"crashed: {aircraft.crashed}; start ArduPilot anew"
+        nonlocal pulses
+        pulses = frame.pulses
+        anew = "" if pilots else "; start ArduPilot anew"
+        crash = aircraft.crashed and f"crashed: {aircraft.crashed}{anew}"
         if (crash and crash != last) or time.monotonic() >= due:
             tell(crash or ("flies" if last == "waits" else last))
         return watched is not None and watched.on_frame(frame, sensed)
@@ -184,7 +191,7 @@ def _watched(
         watched = None
         if o.view:
             flight = seen(aircraft)
-            watched = Watched(aircraft, flight, stack.enter_context(shown(flight)))
+            watched = Watched(aircraft, flight, stack.enter_context(shown(flight)), told=told)
         yield tell, {"on_frame": on_frame, "on_wait": on_wait}
 
 
@@ -214,15 +221,21 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
 
     program = find_program(o.ardupilot)
     own, source = _parameters(o, aircraft.vehicle)
-    with _watched(o, aircraft) as (tell, calls):
+    pilots: list[Pilot] = []
+
+    def seen(pilot: "Pilot") -> "Steps":
+        pilots.append(pilot)
+        return script(pilot)
+
+    with _watched(o, aircraft, pilots) as (tell, calls):
         tell(f"parameters: {source}")
         try:
-            flight = fly_script(script, aircraft, program, own, log=o.log, say=tell, **calls)
+            flight = fly_script(seen, aircraft, program, own, log=o.log, say=tell, **calls)
         finally:  # what led to a crash is in the record
             if aircraft.time > 0.0:
                 _writer(o, aircraft)()
     if o.log is not None:
-        print(f"Written: {o.log} ({o.log.stat().st_size / 1e6:.1f} MB)")
+        print_written(o, f"{o.log} ({o.log.stat().st_size / 1e6:.1f} MB)")
         if flight.lost:
             print(f"The log lacks {flight.lost} messages")
     _say(f"Flown: {flight.served}")

@@ -3,13 +3,14 @@
 import math
 import os
 import re
+import sys
 from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.cli.logs import (
     Band,
     describe,
@@ -29,6 +30,7 @@ from helisim.cli.options import (
     print_rows,
     print_written,
     progress,
+    worded,
     worded_note,
     wrapped,
     write_data,
@@ -48,11 +50,14 @@ _OF_ONE = ("inputs", "outputs", "fix", "start", "bounds", "responses")
 
 
 class Work(NamedTuple):
-    """One fit in a band; `said` is printed ahead of it, `label` is for names of files."""
+    """One fit in a band; `said` is printed ahead of it, `label` is for names of files.
+
+    `response` says why there is none where the data support none.
+    """
 
     structure: "Structure"
     logs: "tuple[Log, ...]"
-    response: "FrequencyResponse"
+    response: "FrequencyResponse | IdentificationError"
     band: Band | None = None
     said: str = ""
     label: str = ""
@@ -97,7 +102,7 @@ def identify(o: Options) -> int:
     Several axes give several models: model-rollpitch_speeds.json and so on.
 
     Exit status 1: the verdict on a fit is "wrong"; 3: on none, but on one
-    "doubtful".
+    "doubtful"; 2: the data support none, or one of several is refused.
     """
     found = _inferred_work(o) if _infers(o) else [_asked(o)]
     status = []
@@ -107,8 +112,15 @@ def identify(o: Options) -> int:
             path and path.with_name(f"{path.stem}{label}{path.suffix}")
             for path in (o.json, o.report)
         )
-        status.append(_fitted(o, work, json, report))
-    return 1 if 1 in status else max(status)
+        try:
+            status.append(_fitted(o, work, json, report))
+        except IdentificationError as error:
+            if len(found) == 1:
+                raise
+            status.append(2)
+            said = f"{work.label} isn't identified: {error}{worded(error.remedy)}"
+            print(f"{o.parser.prog}: {said}", file=sys.stderr)
+    return next(one for one in (2, 1, 3, 0) if one in status)
 
 
 def _asked(o: Options) -> Work:
@@ -160,6 +172,8 @@ def _fitted(o: Options, work: Work, json: Path | None, report: Path | None) -> i
     from helisim.ident import identify, suspicions
 
     logs, frf = work.logs, work.response
+    if isinstance(frf, IdentificationError):
+        raise frf
     with progress(None, o.quiet, unit="search") as advance, located(logs):
         fit = work.fit or identify(
             frf, work.structure, band=work.band, on_progress=advance, **_search(o)
@@ -298,19 +312,24 @@ def _inferred_work(o: Options) -> list[Work]:
             replace(fit, band=tuple(o.band or (max(fit.band[0], least), fit.band[1])))
             for fit in fits
         )
-        with located(logs):
-            responses = estimate_fits(records, fits, o.estimator or "local")
+        works, used = [], []
+        for fit, structure in zip(fits, structures):
+            band = fit.band
+            try:
+                with located(logs):
+                    (response,) = estimate_fits(records, [fit], o.estimator or "local")
+                    if not o.band:
+                        band = followed_band(response, structure, band, **_search(o))
+            except IdentificationError as error:
+                response = error
+            if band != fit.band:
+                why = f"{fit.why}; below {band[0]:.3g} rad/s the structure doesn't follow"
+                fit = replace(fit, band=band, why=why)
+            name = fit.structure
+            label = "_".join((*fit.outputs, *fit.inputs)) if name.startswith("tf:") else name
+            works.append(Work(structure, logs, response, band, label=label))
+            used.append(fit)
         advance("frequency responses")
-    works, used = [], []
-    for fit, structure, response in zip(fits, structures, responses):
-        band = fit.band if o.band else followed_band(response, structure, fit.band, **_search(o))
-        if band != fit.band:
-            why = f"{fit.why}; below {band[0]:.3g} rad/s the structure doesn't follow"
-            fit = replace(fit, band=band, why=why)
-        name = fit.structure
-        label = "_".join((*fit.outputs, *fit.inputs)) if name.startswith("tf:") else name
-        works.append(Work(structure, logs, response, band, label=label))
-        used.append(fit)
     print(wrapped(str(replace(found, fits=tuple(used))), indent=4))
     return works
 

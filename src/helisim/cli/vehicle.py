@@ -159,7 +159,7 @@ def vehicle_calibrate(o: Options) -> int:
 
 
 def tune(o: Options) -> int:
-    """Find better gains: of an ArduPilot helicopter from its log, or of the vehicle's gyro.
+    """Find better gains, of an autopilot from its log, or of the gyro.
 
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
     ones will, with 95 % intervals, and write those as parameters. Without a log: solve for the

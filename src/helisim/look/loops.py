@@ -130,7 +130,7 @@ def _cuts_none(sweep: FlownSweep) -> str:
         return f"{one}: the collective is the pilot's there, no loop is closed through it"
     if one.place != "mixer":
         return f"{one}: loops are measured by sweeps of the mixer, SID_AXIS 10 to 12"
-    return f"{sweep}: {sweep.unused}" if sweep.unused else ""
+    return str(sweep) if sweep.unused else ""
 
 
 def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> list[FlightRecord]:

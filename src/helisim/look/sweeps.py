@@ -70,12 +70,21 @@ _DELAY = 1.0  # s before the mode injects anything
 _AFTER = 3.0  # s after a sweep, in which the vehicle still answers it
 _FIELDS = ("Time", "F", "Targ")  # SIDD: time, s; frequency, Hz; injected signal
 _RANGE = (0.005, 200.0)  # Hz, in which sweeps are: the parameters' own range, and room
-_SETUP = ("Ax", "Mag", "FSt", "TR", "TFout")
+_SETUP = ("Ax", "Mag", "FSt", "TFin", "TR", "TFout")
 _AXIS = re.compile(r"SystemID Starting: axis=(\d+)")
-_USUAL_FADE = 2.0  # s in which a sweep fades out, unless SID_T_FADE_OUT says another
+_USUAL_FADE = 2.0  # s in which a sweep fades in and out, unless SIDS says another
 _OCTAVE = 1.5  # of its lowest frequency to its highest: what spans less shows no dynamics
 _PERIODS = 3.0  # periods of its lowest frequency that a sweep must last at least to be of use
 _MODE = 25  # number of the mode SystemID among Copter's
+_STATES: dict[tuple[str, str], dict[int, str]] = {
+    ("EV", "Id"): {11: "was disarmed (EV 11)", 18: "landed (EV 18)", 28: ""},
+    ("ERR", "Subsys"): {12: "crashed (ERR 12)"},
+}  # Message and field -> number -> what it did, "" for a lift-off
+_HEIGHTS = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))  # m, best first
+_LOW = 0.5  # m above the ground, or below it as a barometer has it: nothing flies there
+# SIDD's fields, deg/s and m/s^2; the spreads that one of them exceeds over a window in flight.
+_MOTION = {"Gx": 0.1, "Gy": 0.1, "Gz": 0.1, "Ax": 0.05, "Ay": 0.05, "Az": 0.05}
+_WINDOW, _FEWEST = 2.0, 8  # s, and samples in it
 _ONE_MORE = 1.6  # of the median step: a longer one has a message missing
 
 
@@ -84,6 +93,7 @@ class FlownSweep:
     """A sweep by an autopilot: times in s after the log's first stamp, band in rad/s.
 
     `stop` includes the vehicle's response; `high` precedes the fade-out; `magnitude` in its unit.
+    `grounded` says why it was no flight, empty if it was one.
     """
 
     axis: int
@@ -94,6 +104,7 @@ class FlownSweep:
     high: float
     complete: bool
     end: str
+    grounded: str = ""
 
     @property
     def sid_axis(self) -> SidAxis:
@@ -103,6 +114,8 @@ class FlownSweep:
     @property
     def unused(self) -> str:
         """Why it can't identify the vehicle, empty if it can."""
+        if self.grounded:
+            return self.grounded
         least, lasts = _DELAY + _PERIODS * 2.0 * math.pi / self.low, self.stop - self.start
         if not self.sid_axis.identifies:
             return "it moves a loop of position or velocity, which is too slow for the vehicle"
@@ -116,9 +129,10 @@ class FlownSweep:
 
     def __str__(self) -> str:
         size = f"{self.magnitude:.3g} {self.sid_axis.unit}".removesuffix(" 1")
+        why = f"; not used: {self.unused}" if self.unused else ""
         return (
             f"SID_AXIS {self.axis}, {self.sid_axis}: {self.start:.1f} to {self.stop:.1f} s, "
-            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}, {self.end}"
+            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}, {self.end}{why}"
         )
 
 
@@ -161,7 +175,7 @@ def sweeps(
         start = float(np.median(time - rows[:, 0])) if time.size else 0.0
         setup = _setup(log, start, rows)
         if time.size > 1 and setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
-            found.append(_sweep(start, setup, time, rows[:, 1], ended, log.begins))
+            found.append(_sweep(log, start, setup, time, rows[:, 1], ended))
     if not found:
         raise LogError(
             f"{log.path}: it has SIDD messages, and neither SIDS nor another says which axis they "
@@ -182,19 +196,20 @@ def _setup(log: DataFlash, start: float, rows: Real) -> Mapping[str, float]:
     clock, frequency, injected = rows.T
     length = float(max(clock[injected != 0.0], default=_DELAY)) - _DELAY
     size, low = float(np.abs(injected).max()), float(frequency[0])
-    return {"Ax": axis, "Mag": size, "FSt": low, "TR": length, "TFout": _USUAL_FADE}
+    fades = dict.fromkeys(("TFin", "TFout"), _USUAL_FADE)
+    return {"Ax": axis, "Mag": size, "FSt": low, "TR": length, **fades}
 
 
 def _sweep(
+    log: DataFlash,
     start: float,
     row: Mapping[str, float],
     time: Real,
     frequency: Real,
     ended: Sequence[tuple[float, str]],
-    first: float,
 ) -> FlownSweep:
     """Return a sweep from SIDD's rows, (n_row,), and SIDS's fields."""
-    logged, length, fade = float(time[-1]), row["TR"], row["TFout"]
+    logged, length, fade, first = float(time[-1]), row["TR"], row["TFout"], log.begins
     planned = start + _DELAY + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
     end, complete = min(stop, logged), min(stop, logged) >= planned - 0.5 * fade
@@ -205,9 +220,55 @@ def _sweep(
     used = (time <= min(end, planned - fade)) & (frequency >= _RANGE[0]) & (frequency <= _RANGE[1])
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
     band = float(flown.min()), float(flown.max())
-    return FlownSweep(
-        int(row["Ax"]), start - first, end - first, abs(row["Mag"]), *band, complete, why
+    lies = _grounded(log, start, end) or _still(
+        log, start + _DELAY + row["TFin"], min(end, planned - fade)
     )
+    if lies:
+        complete, why = False, "not flown to its end"
+    size = abs(row["Mag"])
+    return FlownSweep(int(row["Ax"]), start - first, end - first, size, *band, complete, why, lies)
+
+
+def _grounded(log: DataFlash, start: float, stop: float) -> str:
+    """Return why a vehicle was on the ground from `start` to `stop`, s since power-on, or ""."""
+    states: list[tuple[float, str]] = []
+    for (name, field), words in _STATES.items():
+        if name in log and field in (table := log.table(name)).columns:
+            numbers = np.asarray(table[field], np.float64).tolist()
+            states += [(at, words[k]) for at, k in zip(table.time.tolist(), numbers) if k in words]
+    states.sort(key=lambda one: one[0])
+    last = [one for one in states if one[0] <= start][-1:]
+    for at, word in (*last, *(one for one in states if start < one[0] <= stop)):
+        if word:
+            return f"the autopilot says that it {word} at {at - log.begins:.1f} s"
+    for name, field in _HEIGHTS:
+        if name in log and field in (table := log.table(name)).columns:
+            lifted = next((at for at, word in states if not word), -math.inf)
+            height, here = table[field], (table.time >= start) & (table.time <= stop)
+            before = np.asarray(height, np.float64)[table.time <= lifted]
+            above = np.asarray(height, np.float64) - (np.median(before) if before.size else 0.0)
+            low = here & (np.abs(above) < _LOW)
+            at = float(min(table.time[low], default=math.inf)) - log.begins
+            said = (
+                f"it was on the ground, or within {_LOW:g} m of it, at {at:.1f} s ({name}.{field})"
+            )
+            return said if low.any() else ""
+    return ""
+
+
+def _still(log: DataFlash, start: float, stop: float) -> str:
+    """Return when nothing moved between `start` and `stop`, s since power-on, or ""."""
+    data = log.table("SIDD")
+    if not set(_MOTION) <= set(data.columns):
+        return ""
+    moved = np.column_stack([np.asarray(data[one], np.float64) / _MOTION[one] for one in _MOTION])
+    window = np.floor((data.time - start) / _WINDOW)
+    for k in range(int((stop - start) / _WINDOW)):
+        rows = moved[window == k]
+        if len(rows) > _FEWEST and np.std(rows, axis=0).max() < 1.0:
+            at = start + k * _WINDOW - log.begins
+            return f"nothing moved from {at:.1f} to {at + _WINDOW:.1f} s, as on the ground"
+    return ""
 
 
 def _ends(log: DataFlash) -> list[tuple[float, str]]:

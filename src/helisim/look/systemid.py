@@ -172,8 +172,7 @@ class InferredLog:
 
     def __str__(self) -> str:
         head = f"{self.path}: {self.version or 'ArduPilot'}, {len(self.sweeps)} sweep(s)"
-        why = (f"; not used: {one.unused}" if one.unused else "" for one in self.sweeps)
-        return "\n".join([head, *(f"  {one}{said}" for one, said in zip(self.sweeps, why))])
+        return "\n".join([head, *(f"  {one}" for one in self.sweeps)])
 
 
 @dataclass(frozen=True)
@@ -377,7 +376,10 @@ def infer(
         every = [one for log in found for one in log.sweeps]
         why = "; ".join(dict.fromkeys(one.unused for one in every))
         axes = ", ".join(f"{one.axis} at {one.start:.1f} s" for one in every)
-        raise LogError(f"{paths[0]}: no sweep in it identifies the vehicle: SID_AXIS {axes}: {why}")
+        raise LogError(
+            f"{paths[0]}: no sweep in it identifies the vehicle: SID_AXIS {axes}: {why}; fly the "
+            "mode SystemID again, with SID_AXIS 10 to 13"
+        )
     needed = _SAMPLES_A_PERIOD * max(one.high for one in used) / (2.0 * math.pi)
     slowest = min(one.rate for log in found for one in log.channels if one.rate > 0.0)
     rate = resample_hz or float(f"{slowest / max(1, math.floor(slowest / needed)):.6g}")
@@ -389,15 +391,19 @@ def infer(
     )
     helicopters = all(log.helicopter for log in found)
     fits: list[InferredFit] = []
+    said = [one for log in found for one in _diagnostics(log, rate)]
     free = set(made.bands)  # controls that no fit has yet
     for structure, inputs, outputs, reason in _HELI if helicopters else _OTHERS:
         if made.channels.issuperset(outputs) and free.issuperset(inputs):
-            fit = made.fit(structure, inputs, outputs, reason)
+            try:
+                fit = made.fit(structure, inputs, outputs, reason)
+            except InputError as error:
+                said.append(f"{structure} isn't fitted: {error}")
+                continue
             # without side velocity the next structure is honest
             if structure != "yaw_base" or _SIDE in fit.conditioning:
                 fits.append(fit)
                 free.difference_update(inputs)
-    said = [one for log in found for one in _diagnostics(log, rate)]
     if not helicopters:
         said.append(
             "not a helicopter with one main rotor (FRAME_CLASS isn't 6): transfer functions are "

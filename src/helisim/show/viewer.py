@@ -37,6 +37,7 @@ TILT_GAIN = 10.0  # factor on the drawn tilt of the disc
 SLOWED = 30.0  # divisor of the drawn rotor speed
 LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower"
 
+_LEGEND = (None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None)
 _STAND_OFF = 2.3  # distance of the camera in heights of the hover
 _FRAME = 1.0 / 60.0  # s between two pictures
 _FALLEN_BEHIND = 0.5  # s: what a late computer makes up for at most
@@ -58,6 +59,10 @@ class Window(Protocol):
 
     def lock(self) -> AbstractContextManager[Any]:
         """Keep the viewer from reading what is changed inside."""
+        ...
+
+    def set_texts(self, texts: Any) -> None:
+        """Lay texts over the picture: (font, place, left column, right column), or several."""
         ...
 
 
@@ -173,7 +178,7 @@ def shown(flight: Live) -> Iterator[Any]:
     try:
         with window:
             aim(window.cam, flight.model, root_body(flight.model))
-            window.set_texts((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None))
+            window.set_texts(_LEGEND)
             yield window
     finally:
         # a window whose thread still lives when Python ends takes the program down with it
@@ -268,9 +273,11 @@ class Watched:
         flight: Live,
         window: Window,
         *,
+        told: Callable[[], Mapping[str, str]] = dict,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Show the aircraft in the window of a flight from `seen`."""
+        """Show the aircraft in the window of a flight from `seen`, and what is `told`."""
+        self._told = told
         self._aircraft, self._flight, self._window = aircraft, flight, window
         self._rotors = Rotors(flight.model)
         self._clock, self._next = clock, -np.inf
@@ -294,6 +301,9 @@ class Watched:
         with self._window.lock():
             _follow(self._flight, self._aircraft)
             self._rotors.draw(self._flight.data, self._turned)
+        told = {"height": f"{-self._aircraft.sensed.position[2]:z.1f} m", **self._told()}
+        columns = ("\n".join(one) for one in (told, told.values()))
+        self._window.set_texts([_LEGEND, (None, mujoco.mjtGridPos.mjGRID_TOPLEFT, *columns)])
         self._window.sync()
         self._next = self._clock() + _FRAME
         return False

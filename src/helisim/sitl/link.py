@@ -28,7 +28,7 @@ _MODEL, _OUT = (f"--{name}" for name in ("model", "sim-port-out"))  # Options of
 PORT = 9002  # Port that model JSON sends to; instance I is 10 I higher
 SILENT = 1.0  # s without a frame after which another autopilot may take over
 _LOOK = 0.1  # s between two calls while no frame comes
-_AT_ONCE = 0.5  # s, within which a lower count is a late packet and no new start
+_AT_ONCE = 0.5  # s, within which any lower count is a late packet; a new start counts from 0
 _COUNTS = 1 << 32  # Frame counts begin again at 0 from here
 
 _log = logging.getLogger(__name__)
@@ -116,7 +116,8 @@ class Served:
 class Link:
     """A bound UDP port that hears one autopilot, its `peer`, at a time; a context manager.
 
-    `served` counts what `serve` has flown so far.
+    `served` counts what `serve` has flown so far; `stranger` tells of a packet of another protocol
+    that came before any autopilot's.
     """
 
     def __init__(
@@ -139,6 +140,7 @@ class Link:
         self.address, self.port = self._socket.getsockname()
         self.timeout, self.served = timeout, Served()
         self.peer: tuple[str, int] | None = None
+        self.stranger = ""
         self._heard = -math.inf
 
     def __enter__(self) -> "Link":
@@ -150,10 +152,7 @@ class Link:
     def receive(
         self, timeout: float | None = None, *, on_wait: "OnWait" = lambda: None
     ) -> Frame | None:
-        """Return the next frame; None if none came in `timeout` s, or `on_wait` said True.
-
-        Raises InputError for another protocol.
-        """
+        """Return the next frame; None if none came in `timeout` s, or `on_wait` said True."""
         end = time.monotonic() + (self.timeout if timeout is None else timeout)
         left = 0.0
         while left >= 0.0:
@@ -179,9 +178,10 @@ class Link:
             return None
         try:
             frame = read_frame(packet)
-        except InputError:
-            if self.peer is None:
-                raise
+        except InputError as error:
+            if self.peer is None and not self.stranger:
+                self.stranger = str(error)
+                _log.warning("ignored, while no autopilot is there: %s", error)
             return None
         if frame is not None:
             self.peer, self._heard = peer, now
@@ -223,6 +223,7 @@ def serve(
     """
     told, begun = link.served, time.monotonic()
     frame, last, line, before = link.receive(on_wait=on_wait), None, b"", 0.0
+    flown = link.peer
     began = came = time.monotonic()
     if frame is not None:
         heard = (*(link.peer or ()), len(frame.pulses), frame.rate_hz)
@@ -234,10 +235,13 @@ def serve(
             f"no autopilot sent a frame to UDP port {link.port} in {link.timeout:g} s; start "
             f"ArduPilot with: arducopter-heli {_MODEL} JSON:{link.address}{out}, and a ground "
             "station on its TCP port 5760, for which it waits"
+            + f"; what came was {link.stranger}"
+            * bool(link.stranger)
         )
     while frame is not None:
         ahead = 1 if last is None else _ahead(frame, last)
-        if ahead < 0 and time.monotonic() - came < _AT_ONCE:
+        late = (frame.count and link.peer == flown) or time.monotonic() - came < _AT_ONCE
+        if ahead < 0 and late:
             told.ignored += 1
             frame = link.receive(on_wait=on_wait)
             continue
@@ -251,7 +255,7 @@ def serve(
             told.repeated += 1
         else:
             sensed = aircraft.step(frame.pulses)
-            line, last, came = answer(sensed), frame, time.monotonic()
+            line, last, came, flown = answer(sensed), frame, time.monotonic(), link.peer
             told.frames += 1
             told.dropped += max(ahead - 1, 0)
             told.seconds, told.clock = before + sensed.time, came - began

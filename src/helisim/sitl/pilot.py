@@ -50,7 +50,8 @@ def mavlink() -> ModuleType:
         from pymavlink.dialects.v20 import ardupilotmega
     except ImportError:
         raise InputError(
-            "flights by a script need pymavlink; install it with: pip install 'helisim[sitl]'"
+            "flights by a script need pymavlink; install it in helisim's checkout with: "
+            "pip install -e '.[sitl]'"
         ) from None
     return ardupilotmega
 
@@ -186,6 +187,14 @@ class Pilot:
     def speed(self) -> float:
         """Over the ground and upwards together, m/s."""
         return math.hypot(*self.sensed.velocity)
+
+    @property
+    def shown(self) -> dict[str, str]:
+        """What a window shows: the flight mode, and the sticks as `Sticks` has them."""
+        modes, mode = {number: name for name, number in MODES.items()}, self.telemetry.mode
+        sticks = {name: f"{value:+.2f}" for name, value in vars(self.sticks).items()}
+        sticks["rotor"] = "on" if self.sticks.rotor else "off"
+        return {"mode": modes.get(mode, f"number {mode}") if mode is not None else "", **sticks}
 
     def wait(self, seconds: float) -> Steps:
         """Let simulated time go by."""

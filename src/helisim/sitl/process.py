@@ -56,7 +56,7 @@ class Autopilot:
     ) -> None:
         """Start `program` with a parameter file's text, at most `speed` times real time."""
         self.folder = Path(tempfile.mkdtemp(prefix="helisim-ardupilot-"))
-        (self.folder / "start.parm").write_text(parameters, encoding="ascii")
+        (self.folder / "start.parm").write_text(parameters, encoding="utf-8")
         self.telemetry = _bound()
         self.telemetry.setblocking(False)
         with _bound() as frames, _bound() as radio:  # free ports
@@ -96,15 +96,19 @@ class Autopilot:
         self.telemetry.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def check(self) -> None:
-        """Raise AutopilotError if the process has ended by itself."""
+    def check(self, said: Sequence[str] = ()) -> None:
+        """Raise AutopilotError if the process has ended by itself, with the last text it `said`."""
         code = self._process.poll()
         if code is not None:
             how = f"with status {code}" if code >= 0 else f"by signal {-code}"
             printed = (self.folder / "printed.txt").read_text(encoding="utf-8", errors="replace")
-            lines = list(dict.fromkeys(line for line in printed.splitlines() if line.strip()))
-            said = " | ".join(lines[-_LAST_LINES:])
-            raise AutopilotError(f"ArduPilot ended {how}; its last words: {said or 'none'}")
+            lines = [line for line in printed.splitlines() if line.strip()]
+            # its start prints some lines again and again: what is after them is of its end
+            again = [k for k, line in enumerate(lines) if line in lines[:k]]
+            words = [*said[-1:], *lines[max(again, default=-1) + 1 :][-_LAST_LINES:]]
+            raise AutopilotError(
+                f"ArduPilot ended {how}; its last words: {' | '.join(words) or 'none'}"
+            )
 
     @property
     def log(self) -> Path | None:

@@ -20,6 +20,7 @@ _SPEAKS = 0.05  # s between two messages of where the sticks stand
 # s of simulated time without growth after which a log is whole; it is written each 2 s.
 _QUIET = 4.0
 _LONGEST_TAIL = 300.0  # s that a log may go on after the flight
+_LAST_PART = 4.0  # s that are flown on after a crash or refusal, for a log that has it
 _PATIENCE = 30.0  # s of the clock without a frame after which the autopilot has failed
 # Parameters that a script relies on.
 _OWN = {
@@ -59,9 +60,10 @@ def fly_script(
 
     Flights are the same to the last bit unless a frame was repeated. `parameters` is a file's text,
     `log` the log's path, `speed` the most times real time. `say` is called with what happens,
-    `on_frame` with each frame, `on_wait` while none comes; True of either ends the flight. Raises
-    AutopilotError if it refused, was late, ended or crashed; InputError if it can't be started or
-    pymavlink is missing; StorageError.
+    `on_frame` with each frame, `on_wait` while none comes; True of either ends the flight. The log
+    is kept however the flight ends, by KeyboardInterrupt too. Raises AutopilotError if it refused,
+    was late, ended or crashed; InputError if it can't be started or pymavlink is missing;
+    StorageError.
     """
     mavlink()
     text = parameters.rstrip("\n") + "\n" + "".join(f"{k} {value}\n" for k, value in _OWN.items())
@@ -73,22 +75,34 @@ def fly_script(
         flown = _Flown(pilot, _whole(script, pilot, autopilot), on_frame)
 
         def alive() -> bool:
-            autopilot.check()
+            autopilot.check(pilot.telemetry.said)
             return bool(on_wait())
 
         def anew() -> None:
             raise AutopilotError(f"ArduPilot started anew at {aircraft.time:.1f} s of flight")
 
-        served = serve(aircraft, link, on_frame=flown, on_wait=alive, on_restart=anew)
-        if not flown.done:
-            autopilot.check()
-            raise AutopilotError(f"ArduPilot sent no frame for {_PATIENCE:g} s")
+        try:
+            served = serve(aircraft, link, on_frame=flown, on_wait=alive, on_restart=anew)
+            if not flown.done:
+                alive()
+                raise AutopilotError(
+                    f"ArduPilot sent no frame for {_PATIENCE:g} s{_last_text(pilot)}"
+                )
+        except BaseException:
+            if log is not None and autopilot.log is not None:
+                autopilot.keep_log(log)
+                say(f"its log until then is kept: {log}")
+            raise
         lost = 0
         if log is not None:
             autopilot.keep_log(log)
             written = DataFlash(Path(log))
             lost = int(written.table("DSF")["Dp"][-1]) if "DSF" in written else 0
         return Flight(served, tuple(pilot.telemetry.said), lost)
+
+
+def _last_text(pilot: Pilot) -> str:
+    return "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:])
 
 
 class _Flown:
@@ -106,8 +120,6 @@ class _Flown:
         self._next += _STEP
         pilot.sensed = sensed
         pilot.telemetry.hear()
-        if pilot.aircraft.crashed:
-            raise AutopilotError(f"crashed at {sensed.time:.1f} s: {pilot.aircraft.crashed}")
         self.done = next(self._steps, self) is self
         if sensed.time >= self._speaks:
             self._speaks += _SPEAKS
@@ -116,9 +128,16 @@ class _Flown:
 
 
 def _whole(script: Script, pilot: Pilot, autopilot: Autopilot) -> Steps:
-    """Fly a script, and wait until the log of it is written."""
-    yield from script(pilot)
-    end = pilot.time + _LONGEST_TAIL
+    """Fly a script to its end or a crash, and wait until the log of it is written."""
+    failed, longest = None, _LONGEST_TAIL
+    try:
+        for _ in script(pilot):
+            yield
+            if crash := pilot.aircraft.crashed:
+                raise AutopilotError(f"crashed at {pilot.time:.1f} s: {crash}")
+    except AutopilotError as error:
+        failed, longest = error, _LAST_PART
+    end = pilot.time + longest
     size, since = -1, pilot.time
     while pilot.time < end and pilot.time - since < _QUIET:
         log = autopilot.log
@@ -126,6 +145,8 @@ def _whole(script: Script, pilot: Pilot, autopilot: Autopilot) -> Steps:
         if now != size:
             size, since = now, pilot.time
         yield
+    if failed is not None:
+        raise AutopilotError(f"{failed}{_last_text(pilot)}", remedy=failed.remedy) from failed
 
 
 def hover(pilot: Pilot) -> Steps:

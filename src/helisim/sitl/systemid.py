@@ -89,7 +89,7 @@ def fly_sweeps(wanted: Sequence[Sweep]) -> Callable[[Pilot], Steps]:
 
 
 def fly_sweep(pilot: Pilot, sweep: Sweep) -> Steps:
-    """Fly a sweep from the hover. Raises AutopilotError if stopped, refused, or too far away."""
+    """Fly a sweep from the hover. Raises AutopilotError if stopped, refused, landed or far away."""
     yield from pilot.set(**sweep.parameters)
     hold = Hold(pilot)
     yield from hold.learn()
@@ -102,8 +102,9 @@ def fly_sweep(pilot: Pilot, sweep: Sweep) -> Steps:
     end = pilot.time + _DELAY + sweep.seconds + _AFTER
     while pilot.time < end:
         stopped = [text for text in pilot.telemetry.said[heard:] if "SystemID Stopped" in text]
-        if stopped or math.dist(begun, pilot.sensed.position) > _FARTHEST:
-            why = stopped[0] if stopped else f"it went {_FARTHEST:g} m away"
+        far = math.dist(begun, pilot.sensed.position) > _FARTHEST
+        if stopped or far or pilot.aircraft.stands:
+            why = stopped[0] if stopped else f"it went {_FARTHEST:g} m away" if far else "it landed"
             raise AutopilotError(f"{sweep}: {why}; try a smaller magnitude or a higher start")
         yield from hold.fly(0.0)
     pilot.sticks.roll, pilot.sticks.pitch, pilot.sticks.throttle = 0.0, 0.0, 0.5
