@@ -101,7 +101,10 @@ class ClosedLoop:
         return Curve(self.frequency, given[:, self._place(axis)])
 
     def reached(self, place: str, axis: str) -> dict[str, Curve]:
-        """Return responses to what is added at "actuators", "sensors" or "sticks", by channel."""
+        """Return responses to what is added at a place, by channel.
+
+        "actuators", "sensors" (angle and its rate), "attitude" or "rate" alone, or "sticks".
+        """
         given = self._commanded(place, axis)
         found = dict(zip(self.axes, given.T))
         found |= {name: self._moved(given, name) for name in self.plant.outputs}
@@ -113,11 +116,12 @@ class ClosedLoop:
         match place:
             case "actuators":
                 return self._follows[:, :, self._place(axis)]
-            case "sensors" | "attitude":
-                added = self._feedback[:, :, self._sensor(one.angle)]
-                if one.rate is not None and place == "sensors":
-                    rate = self._feedback[:, :, self._sensor(one.rate)]
-                    added = added + rate * (1j * self.frequency[:, None])
+            case "sensors" | "attitude" | "rate":
+                angle = self._feedback[:, :, self._sensor(one.angle)]
+                added = angle if place != "rate" else np.zeros_like(angle)
+                if one.rate is not None and place != "attitude":
+                    turning = 1j * self.frequency[:, None] if place == "sensors" else 1.0
+                    added = added + self._feedback[:, :, self._sensor(one.rate)] * turning
             case "sticks":
                 stick = _index(self.law.inputs, one.stick, "the law has no stick")
                 late = np.exp(-1j * self.frequency * self._late(one.stick))

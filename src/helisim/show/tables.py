@@ -340,7 +340,9 @@ def tuning(shown: AxisTuning) -> Table:
         for name in shown.today
     ]
     title, source = axis_of(shown.axis).word.capitalize(), "as flown" if shown.flown else "by model"
-    return table(title, f"figure<|today, {source}|with new gains|unit<", rows)
+    said = f"the gyro's noise moves the command {shown.noise:.2g} times as much as today"
+    notes = [("", said)] if shown.changes else []
+    return table(title, f"figure<|today, {source}|with new gains|unit<", rows, notes=notes)
 
 
 def _within(found: Interval | None) -> str:

@@ -1,5 +1,6 @@
 """Gains of an ArduCopter-heli from its own flight log: its loops today, and better ones."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ from helisim.base.settings import Value
 from helisim.design.plant import Plant
 from helisim.handling.arducopter import WORDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import bandwidth, rejection
+from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval, figures_of, intervals
 from helisim.handling.measured.margins import MeasuredLoop
@@ -36,6 +37,7 @@ _DRAWS = 200  # models as likely as the identified one, of which intervals are m
 _SEARCHED = 40  # of them, that every tried gain must satisfy
 _TRIES = 4  # searches, each with more margin where the last one's intervals had too little
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
+_NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
 _WORTH = 1.03  # ratio of the rejection bandwidth below which today's gains stay
 _UNKNOWN = "its model is known too little: no gains hold the margins in 95 % of those as likely"
 ATTITUDE_DRB = "attitude_DRB"
@@ -137,13 +139,15 @@ class Changed:
 class AxisTuning(Value):
     """One axis: its loop's figures today, and with the candidate's gains.
 
-    `flown` is whether today's are as flown, where the sweeps show them. Without a candidate,
+    `flown` is whether today's are as flown, where the sweeps show them; `noise`, by how much the
+    gyro's noise moves the command more than today. Without a candidate,
     `tuned` and `changes` are empty and `why` says so.
     """
 
     axis: str
     flown: bool
     today: Mapping[str, Interval]
+    noise: float = 1.0
     tuned: Mapping[str, Interval] = field(default_factory=dict)
     changes: tuple[Changed, ...] = ()
     why: str = ""
@@ -229,6 +233,10 @@ def tune_log(
         one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
         if axis in gains:
             one = _compared(one, tuned[axis], gains[axis], own, plants, required)
+        if one.changes:
+            before, after = (_noise(plants[0], each, axis) for each in (law, with_gains(gains)))
+            one = replace(one, noise=after / before)
+            remarks += _unseen(PredictedLoop(plants[0], with_gains(gains)), plants[0], axis)
         found.append(one)
     return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)))
 
@@ -284,6 +292,25 @@ def _put_right(
         }
         plants.append(FlownPlant(model, ratios))
     return plants
+
+
+def _noise(plant: Linear, law: ArduCopterLaw, axis: str) -> float:
+    """Return the rms of an axis's command over that of white noise of its gyro."""
+    moved = ClosedLoop(plant, law, _NOISY).reached("rate", axis)[axis]
+    return math.sqrt(float(np.mean(np.abs(moved.response) ** 2)))
+
+
+def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
+    """Return a remark if the gain margin lies beyond the frequencies at which the loop flew."""
+    there = [at for at, size in margins(loop.broken(axis)).gain if size > 0.0]
+    seen = plant.ratios[axis].frequency[-1] if isinstance(plant, FlownPlant) else np.inf
+    if not there or min(there) <= seen:
+        return []
+    return [
+        f"the gain margin of {axis_of(axis).word} lies at {min(there):.0f} rad/s, beyond "
+        f"{seen:.0f} rad/s, where the sweeps end: let them go on to a higher frequency "
+        "(SID_F_STOP_HZ) to know it"
+    ]
 
 
 def _named(axis: str, gains: Gains) -> dict[str, float]:
