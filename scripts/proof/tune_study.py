@@ -1,0 +1,144 @@
+"""Proof of the new gains of `helisim tune LOG`: flown, beside their prediction and the old ones.
+
+An unmodified ArduCopter-heli flies the vehicle with parameters to begin with (the vehicle's own, or
+`--start`), sweeps roll, pitch and yaw to 24 Hz, and its log gives new gains; with those it sweeps
+again, and both hover in gusts of 5 m/s, moderate turbulence, seed by seed. With `--opponent`, gains
+of somebody else in a file (such as AutoTune's), both are also flown with those, and they are what
+the new ones are held against. Bars: margins within 0.5 dB and 3 degrees of those predicted, DRB
+within 5 %; DRB and that of attitude alone at least 1.25 times the opponent's; the error of attitude
+in gusts a quarter less in roll and pitch. Exit status 1 if one is missed.
+
+    HELISIM_ARDUPILOT=.../arducopter-heli python scripts/proof/tune_study.py FOLDER
+
+Flights whose logs are in FOLDER already are not flown again.
+"""
+
+import sys
+from pathlib import Path
+
+import common
+import numpy as np
+
+from helisim.cli import main as command
+from helisim.logs.dataflash import DataFlash
+from helisim.look.loops import flown_loops
+from helisim.study.log_tune import ATTITUDE_DRB, LogTuning, tune_log
+from helisim.vehicle.parameters import model_folder
+
+AXES = {"lat": "Roll", "lon": "Pitch", "ped": "Yaw"}
+BARS = {"gain_margin": 0.5, "phase_margin": 3.0, "DRP": 0.5}  # dB, degrees, dB
+RATIO, BETTER, LESS = 0.05, 1.25, 0.75
+_HOVER = """
+def fly(pilot):
+    yield from pilot.take_off(10.0)
+    yield from pilot.wait(60.0)
+    yield from pilot.land()
+"""
+_SETTLES, _LASTS = 3.0, 57.0  # s of the hover that are judged, from its beginning
+
+
+def flown(folder: Path, name: str, vehicle: str, parameters: str, *how: str) -> Path:
+    """Return the log of a flight, which is flown if it is not there."""
+    log, parm = folder / f"{name}.bin", folder / f"{name}.parm"
+    if not log.is_file():
+        parm.write_text(parameters, encoding="utf-8")
+        print(f"{name} is flown", flush=True)
+        words = ["sitl", "--vehicle", vehicle, "--parm", str(parm), "--log", str(log), "--quiet"]
+        if command([*words, *how]):
+            sys.exit(f"{name} was not flown to its end")
+    return log
+
+
+def swept(folder: Path, name: str, vehicle: str, parameters: str) -> Path:
+    sweeps = ["--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw"]
+    return flown(folder, name, vehicle, parameters, *sweeps)
+
+
+def error_in_gusts(log: Path) -> dict[str, float]:
+    """Return the rms of attitude less its target, deg, of a hover, by axis."""
+    data = DataFlash(log)
+    angles, modes = data.table("ANG"), data.table("CTUN")
+    high = np.asarray(modes["Alt"], float) > 9.0
+    begins = modes.time[np.argmax(high)] + _SETTLES
+    here = (angles.time > begins) & (angles.time < begins + _LASTS)
+    off = {
+        axis: np.asarray(angles[f"Des{word}"], float)[here] - np.asarray(angles[word], float)[here]
+        for axis, word in AXES.items()
+    }
+    return {
+        axis: float(np.sqrt(np.mean(((one + 180.0) % 360.0 - 180.0) ** 2)))
+        for axis, one in off.items()
+    }
+
+
+def predicted(found: LogTuning, log: Path) -> list[str]:
+    """Print figures of new gains as predicted and as flown; return the bars that are missed."""
+    shown, missed, rows = flown_loops(log).margins(), [], []
+    for one in found.axes:
+        for name, value in one.tuned.items():
+            there = [f.interval for f in shown.figures if (f.axis, f.name) == (one.axis, name)]
+            if not there or not np.isfinite(there[0].high - there[0].low):
+                continue
+            off, bar = value.value - there[0].value, BARS.get(name)
+            if name == "DRB":
+                off, bar = off / there[0].value, RATIO
+            mark = "  missed" if bar and abs(off) > bar else ""
+            missed += [f"{one.axis} {name} off by {off:+.3g}"] if mark else []
+            rows.append((one.axis, name, value.value, there[0].value, off, mark))
+    common.table("axis:<6|figure:<14|predicted:12.2f|flown:10.2f|off:+10.3f|:<8", rows)
+    return missed
+
+
+def main(
+    folder: Path,
+    *,
+    vehicle: str = "jr700",
+    start: str = "",
+    opponent: str = "",
+    seeds: int = 5,
+) -> int:
+    folder.mkdir(parents=True, exist_ok=True)
+    given = Path(start) if start else model_folder(vehicle) / f"{vehicle}.parm"
+    before = given.read_text(encoding="utf-8")
+    found = tune_log(swept(folder, "before", vehicle, before))
+    new = f"{before}\n{found.parameters.text}"
+    missed = predicted(found, swept(folder, "new", vehicle, new))
+    rival, today = before, found
+    if opponent:
+        rival = f"{before}\n{Path(opponent).read_text(encoding='utf-8')}"
+        today = tune_log(swept(folder, "opponent", vehicle, rival))
+    rows = []
+    for one, other in zip(found.axes, today.axes):
+        for name in ("DRB", ATTITUDE_DRB):
+            ratio = one.tuned[name].value / other.today[name].value
+            rows.append((one.axis, name, other.today[name].value, one.tuned[name].value, ratio))
+            missed += [f"{one.axis} {name} {ratio:.2f} times"] if ratio < BETTER else []
+    common.table("axis:<6|figure:<14|before:10.2f|new:10.2f|ratio:8.2f", rows)
+    script = folder / "hover.py"
+    script.write_text(_HOVER, encoding="utf-8")
+    errors = {
+        name: [
+            error_in_gusts(
+                flown(
+                    *(folder, f"{name}_gusts_{seed}", vehicle, text, "--script", str(script)),
+                    *("--wind", "5", "--turbulence", "moderate", "--seed", str(seed)),
+                )
+            )
+            for seed in range(1, seeds + 1)
+        ]
+        for name, text in (("before", rival), ("new", new))
+    }
+    rows = []
+    for axis, word in AXES.items() if seeds else ():
+        old, now = (np.mean([one[axis] for one in errors[name]]) for name in ("before", "new"))
+        rows.append((word, old, now, now / old))
+        missed += (
+            [f"{word}'s error {now / old:.2f} times"] if word != "Yaw" and now > LESS * old else []
+        )
+    common.table("in gusts:<10|before, deg:14.3f|new:10.3f|ratio:8.2f", rows)
+    print(*(f"missed: {one}" for one in missed), sep="\n")
+    return int(bool(missed))
+
+
+if __name__ == "__main__":
+    common.run(main)
