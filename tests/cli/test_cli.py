@@ -69,7 +69,8 @@ def test_what_ardupilot_reads_of_a_model_and_of_a_vehicle_is_written(tmp_path, c
     """Half the pedal's travel is ArduPilot's 1, and the recorder's latency is none of the delay."""
     model, out = tmp_path / "yaw.json", tmp_path / "heli.json"
     found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(model)
-    words = ["--rpm", "1700", "--late", "r=0.0405", "--out", str(out)]
+    words = ["--rpm", "1700", "--lean", "4", "--hover", "0.5", "--full", "ped=0.5"]
+    words += ["--late", "r=0.0405", "--out", str(out)]
     assert main(["ardupilot", "export", str(model), *words]) == 0
     text = capsys.readouterr().out
     assert "Nped            30" in text

@@ -8,15 +8,24 @@ from scipy.signal import butter, cont2discrete, freqs, lfilter
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli import main
-from helisim.ident import Structure, blocks, frequency_response, identify, in_series, structures
+from helisim.ident import (
+    Fit,
+    Structure,
+    blocks,
+    frequency_response,
+    identify,
+    in_series,
+    structures,
+)
 from helisim.ident.ardupilot import ArduPilotModel, numbers_of
+from helisim.ident.conditions import Conditions
 from helisim.ident.evaluate import response
 from helisim.ident.feedback import answered
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.study.paper import published
-from ident_data import HEAVE, data, fitted
+from ident_data import HEAVE, data, fitted, record
 from script import loaded
 from tabled import tabled
 
@@ -148,10 +157,12 @@ def values_of(table) -> dict[str, float]:
 
 
 BLADE = (
-    (structures.rollpitch, values_of(published("blade360")["rollpitch_in1"])),
-    (structures.yaw_base, values_of(published("blade360")["yaw_base"])),
-    (structures.heave, values_of(published("blade360")["heave"])),
+    (structures.rollpitch, values_of(published("blade360")["rollpitch_in1"]), AS_IT_IS),
+    (structures.yaw_base, values_of(published("blade360")["yaw_base"]), AS_IT_IS),
+    (structures.heave, values_of(published("blade360")["heave"]), AS_IT_IS),
 )
+HALF = {**dict.fromkeys(AS_IT_IS, 0.5), "col": 1.0}
+HOVER = {"rotor_speed": 100.0 * np.pi, "hover_lean": np.pi / 60, "hover": 0.4}
 
 
 def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
@@ -164,10 +175,10 @@ def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
         "Lflt": 0.2375, "Lflg": -0.0286, "Mflt": 0.0344, "Mflg": 0.2292, "time_delay_rp": 40,
         "time_delay_ped": 40, "time_delay_col": 40,
     }  # fmt: skip
-    numbers, remarks = numbers_of(BLADE, full=AS_IT_IS, late={})
+    numbers, remarks = numbers_of(BLADE, late={})
     assert numbers == pytest.approx(theirs, rel=5e-4)  # 9.81 for 9.80665
     assert not remarks
-    halved, _ = numbers_of(BLADE, full={}, late={})
+    halved, _ = numbers_of([(*part[:2], HALF) for part in BLADE], late={})
     by_full = {"Nped": 0.5, "Lflt": 0.5, "Lflg": 0.5, "Mflt": 0.5, "Mflg": 0.5}
     ratios = {name: halved[name] / numbers[name] for name in numbers}
     assert ratios == pytest.approx({**dict.fromkeys(numbers, 1.0), **by_full})
@@ -179,27 +190,49 @@ def test_servos_become_delays():
     structure = in_series(structures.rollpitch, inputs={"lat": servo, "lon": servo})
     own = values_of(published("blade360")["rollpitch_in1"]) | {"tau_lon": 0.041}
     values = structure.starts | own
-    numbers, remarks = numbers_of([(structure, values)], full=AS_IT_IS, late={"p": 0.02, "q": 0.02})
+    numbers, remarks = numbers_of([(structure, values, AS_IT_IS)], late={"p": 0.02, "q": 0.02})
     # servo 2 zeta / omega = 7 ms, and of 40 and 41 ms the recorder's 20: 27 and 28 ms
     assert numbers["time_delay_rp"] == 28.0
     said = " ".join(remarks)
     assert "stand as delays" in said
     assert "27.0 ms of lat, 28.0 ms of lon" in said
-    found, _ = numbers_of([(structures.rollpitch, own)], full=AS_IT_IS, late={})
+    found, _ = numbers_of([(structures.rollpitch, own, AS_IT_IS)], late={})
     assert {**numbers, "time_delay_rp": 0.0} == pytest.approx({**found, "time_delay_rp": 0.0})
 
 
 def test_a_model_of_a_fit_has_the_vehicles_numbers():
     """Revolutions a minute, degrees, and collective as shares; a negative one is refused."""
     heave = fitted(structures.heave, HEAVE)
-    made = ArduPilotModel.of([heave], rotor_speed=100.0 * np.pi, hover_lean=np.pi / 60, hover=0.4)
+    made = ArduPilotModel.of([heave], full={"col": 1.0}, **HOVER)
     assert made.values["Zw"] == pytest.approx(HEAVE["Z_w"])
     vehicle = {"nominal_rpm": 3000.0, "hover_lean": 3.0, "coll_hover": 0.4}
     vehicle |= {"coll_min": 0.0, "coll_max": 1.0}
     assert {name: made.values[name] for name in vehicle} == pytest.approx(vehicle)
     for wrong in ({"rotor_speed": 0.0}, {"hover": 1.1}, {"hover": -0.1}):
         with pytest.raises(InputError, match="rotor_speed must be above 0"):
-            ArduPilotModel.of([heave], **{"rotor_speed": 200.0} | wrong)
+            ArduPilotModel.of([heave], full={"col": 1.0}, **HOVER | wrong)
+
+
+def test_what_no_flight_says_is_asked_for_and_flights_apart_are_told():
+    """Full travel, rotor speed and the hover; of a record of helisim's own all are known."""
+    heave = fitted(structures.heave, HEAVE)
+    with pytest.raises(InputError, match=r"travel of col of heave; .*speed .*collective .*lean"):
+        ArduPilotModel.of([heave])
+    ours = {"model_digest": "", "parameters": {"main_rotor.speed": 178.0}}
+    still = record(provenance=ours, col=np.full(9, 0.1), phi=np.full(9, 0.07))
+    known = replace(heave, data=replace(heave.data, conditions=Conditions.of([still])))
+    found = ArduPilotModel.of([known])
+    assert found.values["coll_hover"] == pytest.approx(0.6)
+    assert found.values["Zcol"] == pytest.approx(HEAVE["Z_col"])
+    assert "ArduPilot's 1 is col 1 of heave (helisim's own record)" in found.remarks
+    slower = Conditions(full={"col": 2.0}, rotor_speed=150.0)
+    other = replace(heave, data=replace(heave.data, conditions=slower))
+    assert "another rotor speed 150 rad/s" in " ".join(ArduPilotModel.of([known, other]).remarks)
+    assert ArduPilotModel.of([other, known]).values["Zcol"] == pytest.approx(2.0 * HEAVE["Z_col"])
+    # a file from before they were kept says none
+    old = heave.to_dict()
+    del old["data"]["conditions"]
+    assert Fit.from_dict(old).data.conditions == Conditions()
 
 
 SPEEDS = structures.rollpitch_speeds
@@ -208,7 +241,7 @@ SPEEDS = structures.rollpitch_speeds
 def test_flap_back_becomes_derivatives_by_the_velocities():
     """Without coupling the disc rests at A_u u + A_v v, back: M_u = M_a A_u, M_v = M_a A_v."""
     drift = {"A_u": 2e-3, "A_v": -5e-3, "A_b": 0.0, "B_a": 0.0, "L_b": 500.0, "M_a": 300.0}
-    found, remarks = numbers_of([(SPEEDS, SPEEDS.starts | drift)], full=AS_IT_IS, late={})
+    found, remarks = numbers_of([(SPEEDS, SPEEDS.starts | drift, AS_IT_IS)], late={})
     expected = {"Mu": 0.6, "Mv": -1.5, "Lu": -2.5, "Lv": -1.0, "Xu": -9.80665 * 2e-3}
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     assert "no place for 0.049 in du/dt by v, -0.049 in dv/dt by u" in " ".join(remarks)
@@ -221,7 +254,7 @@ ORDER = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
 def test_model_that_has_no_place_says_which_number(parts, message):
     """Nothing is lost without a word."""
     with pytest.raises(InputError, match=message):
-        numbers_of(parts, full={}, late={})
+        numbers_of([(*part, HALF) for part in parts], late={})
 
 
 def test_other_commands_and_numbers_are_checked():
@@ -229,13 +262,13 @@ def test_other_commands_and_numbers_are_checked():
     with pytest.raises(UnknownNameError, match=r"'Lb1'.*did you mean Lb1s"):
         ArduPilotModel({"Lb1": 1.0})
     with pytest.raises(UnknownNameError, match="'roll'"):
-        numbers_of(BLADE, full={"roll": 1.0}, late={})
+        ArduPilotModel.of([fitted(structures.heave, HEAVE)], full={"roll": 1.0}, **HOVER)
     split = replace(structures.rollpitch, name="split", M=(), F=tuple(
         tuple("-2" if i == j == 2 else "-1" if i == j == 3 else cell for j, cell in enumerate(row))
         for i, row in enumerate((("0",) * 4,) * 4)
     ))  # fmt: skip
     with pytest.raises(InputError, match="one lag"):
-        numbers_of([(split, structures.rollpitch.starts)], full={}, late={})
+        numbers_of([(split, structures.rollpitch.starts, HALF)], late={})
 
 
 # Feedback without a recorded reference is seen where gusts go round it, and only there.

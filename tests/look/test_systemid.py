@@ -37,9 +37,9 @@ def identified(path, **options):
     }
 
 
-def one_sweep(folder, axis=12, **options):
+def one_sweep(folder, axis=12, log=None, **options):
     """Return the path of a log with one sweep."""
-    return SidLog().sweep(axis, **SHORT | options).save(folder)
+    return (log or SidLog()).sweep(axis, **SHORT | options).save(folder)
 
 
 def test_axes_are_those_of_ardupilots_documentation():
@@ -343,6 +343,24 @@ def test_side_velocity_is_taken_out_of_yaw_or_the_error_says_so(tmp_path):
     (alone,) = identified(yaw.save(tmp_path)).values()
     assert 1.2 * truth > alone["N_r"].value
     assert abs(alone["N_r"].value - truth) < 2.0 * alone["N_r"].standard_error
+
+
+def test_a_log_says_full_travel_and_the_hover_and_whence_its_rotor_speed(tmp_path):
+    """A governor's setpoint counts where it governs; a motor's speed is no rotor's."""
+    governed, not_so = ({"H_RSC_MODE": mode, "H_RSC_GOV_RPM": 1500.0} for mode in (4.0, 2.0))
+    found = infer(one_sweep(tmp_path, log=SidLog(parameters=governed))).logs[0].conditions
+    assert found.rotor_speed == pytest.approx(50.0 * np.pi)
+    assert "H_RSC_GOV_RPM, not measured" in str(found)
+    log = SidLog(parameters=not_so)
+    log.define(13, "ESC", "QBf", "TimeUS,Instance,RPM", units="s#q", multipliers="F--")
+    log.write(13, log.us + 5_000_000, 0, 9000.0)
+    found = infer(one_sweep(tmp_path, log=log, slip=True)).logs[0].conditions
+    assert (found.rotor_speed, found.hover) == (None, pytest.approx(0.5))
+    assert found.full == dict.fromkeys(("lat", "lon", "ped", "col"), 1.0)
+    assert "9000 rpm, is the motor's" in str(found)
+    assert found.known_by["lean"] == "ANG.Roll, median of the sweeps"
+    given = infer(tmp_path / "a.bin", channels={"ped": Column("RATE.YOut", "1", sign=-1)})
+    assert "ped" not in given.logs[0].conditions.full
 
 
 # The order of a transfer function to begin with, told from a response.

@@ -258,8 +258,7 @@ def ardupilot(_: Options) -> None:
 
     examples:
       helisim ardupilot parm --vehicle jr700 --out jr700.parm
-      helisim ardupilot export rollpitch.json yaw.json heave.json --rpm 1700 \\
-          --out heli.json
+      helisim ardupilot export model-*.json --rpm 1700 --out heli.json
     """
 
 
@@ -297,28 +296,30 @@ def ardupilot_export(o: Options) -> int:
 
     Options:
         models MODEL <some>  of identify, .json; where two say one thing the first does
-        --rpm RPM <must>  of the main rotor
         --out FILE <must .json>  the file, .json
-        --lean DEG <=0>  of the hover, to the right (0)
-        --hover SHARE <=0.5>  collective of the hover, of its range (0.5)
-        --full NAME=X,... <many>  ArduPilot's 1 in the records' unit (0.5; col=1)
         --late NAME=S,... <many>  by how much a channel is recorded late, s
+        what models say of their flights, unless said here:
+        --rpm RPM  of the main rotor
+        --lean DEG  of the hover, to the right
+        --hover SHARE  collective of the hover, of its range
+        --full NAME=X,... <many>  a command at ArduPilot's 1, in the model's unit
+        options:
         @quiet
 
     examples:
-      helisim ardupilot export rollpitch.json yaw.json heave.json --rpm 1700 \\
-          --late r=0.0405 --out heli.json
+      helisim ardupilot export model-*.json --rpm 1700 --out heli.json
+      helisim ardupilot export yaw.json --late r=0.0405 --out heli.json
 
     The file is of ArduPilot's pull request 29462, frame -heli. Its servos are
-    delays; what else it can't hold is printed.
+    delays; what else it can't hold is printed, and where each number is from.
     """
     from helisim.base.units import RAD_S_PER_RPM
     from helisim.ident import ArduPilotModel, load_fit
 
     model = ArduPilotModel.of(
         [load_fit(path) for path in o.models],
-        rotor_speed=o.rpm * RAD_S_PER_RPM,
-        hover_lean=math.radians(o.lean),
+        rotor_speed=o.rpm and o.rpm * RAD_S_PER_RPM,
+        hover_lean=o.lean and math.radians(o.lean),
         hover=o.hover,
         full=numbers_by_name("--full", o.full),
         late=numbers_by_name("--late", o.late),

@@ -2,7 +2,8 @@
 
 Source: ArduPilot's pull request 29462 at commit 569e2a2, libraries/SITL/SIM_StateSpace.cpp.
 SI and radians, but delays in ms and the lean in degrees. Commands of roll, pitch and yaw are -1 to
-1; the collective is 0 to 1, and hovers at (coll_hover - coll_min) / (coll_max - coll_min).
+1, the mixer's; the collective is 0 to 1, and hovers at (coll_hover - coll_min) / (coll_max -
+coll_min).
 """
 
 import math
@@ -15,8 +16,10 @@ import numpy as np
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError, check_known
 from helisim.base.files import write_json
+from helisim.base.note import Option
 from helisim.base.settings import FrozenMap, Value, convert
-from helisim.base.units import STANDARD_GRAVITY
+from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
+from helisim.ident.conditions import FACTS
 from helisim.ident.evaluate import linear
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
@@ -50,7 +53,11 @@ SETTINGS = ("hover_lean", "nominal_rpm", "coll_min", "coll_max", "coll_hover")
 UNREAD = ("Lq", "Mp")  # in the equations, but not read by that commit's loader
 LONGEST_MS = 100  # longest delay
 NAMES = (*DERIVATIVES, *FLAPPING, "tf", *dict.fromkeys(DELAYS.values()), *SETTINGS)
-_FULL = {"col": 1.0, "lon": 0.5, "lat": 0.5, "ped": 0.5}  # commands at ArduPilot's 1
+_OPTIONS = {
+    "rotor_speed": Option("rpm", "RPM"),
+    "hover": Option("hover", "SHARE"),
+    "lean": Option("lean", "DEG"),
+}  # What says a fact of `FACTS`
 _OWN = {"col": "w", "lon": "q", "lat": "p", "ped": "r"}
 _BY_ITSELF: dict[Place, float] = {
     **{("phi", "p"): 1.0, ("theta", "q"): 1.0},
@@ -58,6 +65,7 @@ _BY_ITSELF: dict[Place, float] = {
     **{("a", "q"): -1.0, ("b", "p"): -1.0},
 }  # What attitudes and tilts do, whatever the file says
 _SAME = 2e-3  # relative difference of gravity between places, and rounding
+_APART = 0.02  # relative difference of flights' rotor speeds, or what else, above which it is said
 _ROTOR_LAG = 0.1  # s, where nothing flaps: the simulator divides by it
 _MS = 1e-3
 
@@ -86,44 +94,55 @@ class ArduPilotModel(Value):
         cls,
         fits: Sequence[Fit],
         *,
-        rotor_speed: float,
-        hover_lean: float = 0.0,
-        hover: float = 0.5,
+        rotor_speed: float | None = None,
+        hover_lean: float | None = None,
+        hover: float | None = None,
         full: Mapping[str, float] | None = None,
         late: Mapping[str, float] | None = None,
     ) -> "ArduPilotModel":
         """Return identified models as one of ArduPilot's; earlier fits take precedence.
 
+        What isn't given is what the fits say of their flights: `fit.data.conditions`.
+
         Args:
             fits: from servo commands; their servos become delays.
             rotor_speed: rad/s.
-            hover_lean: steady bank of the hover, rad.
+            hover_lean: steady bank of the hover, rad, to the right.
             hover: collective of the hover, a share of its range.
-            full: command -> its value at ArduPilot's 1, in the records' unit; default 0.5, col 1.
+            full: command -> its value at ArduPilot's 1, in the unit of the fits' channel.
             late: channel -> delay of its recording, s, which is subtracted.
 
-        Raises InputError if a model holds what the file has no place for.
+        Raises InputError if a model holds what the file has no place for, or if neither the fits
+        nor the arguments say a command's full travel, rotor speed, hover collective or lean.
         """
-        if not rotor_speed > 0.0 or not 0.0 <= hover <= 1.0:
+        given = {"rotor_speed": rotor_speed, "hover": hover, "lean": hover_lean}
+        facts, remarks = _facts(fits, given, full or {})
+        if not facts["rotor_speed"] > 0.0 or not 0.0 <= facts["hover"] <= 1.0:
             raise InputError(
                 f"rotor_speed must be above 0 rad/s and hover a share from 0 to 1, got "
-                f"{rotor_speed:g} and {hover:g}"
+                f"{facts['rotor_speed']:g} and {facts['hover']:g}"
             )
-        numbers, remarks = numbers_of(
-            [(fit.structure, fit.values) for fit in fits], full=full or {}, late=late or {}
+        numbers, lost = numbers_of(
+            [
+                (fit.structure, fit.values, {**fit.data.conditions.full, **(full or {})})
+                for fit in fits
+            ],
+            late=late or {},
         )
         numbers |= {
-            "hover_lean": math.degrees(hover_lean),
-            "nominal_rpm": rotor_speed * 30.0 / math.pi,
+            "hover_lean": math.degrees(facts["lean"]),
+            "nominal_rpm": facts["rotor_speed"] / RAD_S_PER_RPM,
             "coll_min": 0.0,
             "coll_max": 1.0,
-            "coll_hover": hover,
+            "coll_hover": facts["hover"],
         }
         unread = [name for name in UNREAD if numbers.get(name)]
         if unread:
-            remarks.append(f"the loader of commit 569e2a2 doesn't read {', '.join(unread)}")
+            lost.append(f"the loader of commit 569e2a2 doesn't read {', '.join(unread)}")
         return cls(
-            numbers, tuple(remarks), f"helisim: {', '.join(fit.structure.name for fit in fits)}"
+            numbers,
+            (*remarks, *lost),
+            f"helisim: {', '.join(fit.structure.name for fit in fits)}",
         )
 
     def write(self, path: str | PathLike[str]) -> None:
@@ -132,27 +151,67 @@ class ArduPilotModel(Value):
         write_json({**made, **self.values}, path, indent=2)
 
 
+def _facts(
+    fits: Sequence[Fit], given: Mapping[str, float | None], full: Mapping[str, float]
+) -> tuple[dict[str, float], list[str]]:
+    """Return rotor speed, hover and lean, given or else the fits', and remarks on their origin.
+
+    Raises InputError that names all that neither says, full travel too.
+    """
+    check_known("command", full, IN1)
+    facts = {name: value for name, value in given.items() if value is not None}
+    said, unknown, remedy = [], [], []
+    for fit in fits:
+        own, names = fit.data.conditions, [one for one in fit.structure.inputs if one not in full]
+        lacks = [one for one in names if one in IN1 and one not in own.full]
+        if lacks:
+            unknown.append(f"full travel of {', '.join(lacks)} of {fit.structure.name}")
+            remedy.append(Option("full", ",".join(f"{one}=X" for one in lacks)))
+        scales = ", ".join(f"{one} {own.full[one]:g}" for one in names if one in own.full)
+        if scales:
+            said.append(f"ArduPilot's 1 is {scales} of {fit.structure.name} ({own.why('full')})")
+    for name in (name for name in FACTS if name not in facts):
+        own = [one for fit in fits if getattr(one := fit.data.conditions, name) is not None]
+        if not own:
+            why = dict.fromkeys(fit.data.conditions.why(name) for fit in fits)
+            unknown.append(f"{FACTS[name]} ({'; '.join(why)})")
+            remedy.append(_OPTIONS[name])
+            continue
+        facts[name] = value = getattr(own[0], name)
+        said.append(own[0].words(name))
+        others = [one for one in own if abs(getattr(one, name) - value) > _APART * abs(value)]
+        if others:
+            said.append(f"another model was flown at another {others[0].words(name)}")
+    if unknown:
+        raise InputError(
+            f"the file needs what neither the models nor the arguments say: {'; '.join(unknown)}",
+            remedy=remedy,
+        )
+    return facts, said
+
+
 def numbers_of(
-    parts: Sequence[tuple[Structure, Mapping[str, float]]],
+    parts: Sequence[tuple[Structure, Mapping[str, float], Mapping[str, float]]],
     *,
-    full: Mapping[str, float],
     late: Mapping[str, float],
 ) -> tuple[dict[str, float], list[str]]:
-    """Return the file's numbers of structures with values, and remarks; as `ArduPilotModel.of`."""
-    check_known("command", full, IN1)
+    """Return the file's numbers, and remarks, of structures with values and full commands.
+
+    The last are command -> its value at ArduPilot's 1, of every input. Raises InputError, as
+    `ArduPilotModel.of`.
+    """
     entries: dict[Place, float] = {}
     delays: dict[str, float] = {}
     remarks: list[str] = []
-    for structure, values in parts:
+    for structure, values, full in parts:
         own, waits, said = _core(structure, values, late)
         remarks += said
-        entries, delays = own | entries, waits | delays
+        scaled = {(row, by): x * full.get(by, 1.0) for (row, by), x in own.items() if x}
+        entries, delays = scaled | entries, waits | delays
     if not delays:
         raise InputError("no model begins at a servo command (col, lon, lat, ped)")
-    per_one = _FULL | dict(full)
-    scaled = {(row, by): x * per_one.get(by, 1.0) for (row, by), x in entries.items() if x}
-    numbers = {name: scaled[place] for name, place in DERIVATIVES.items() if place in scaled}
-    numbers |= _flapping(scaled)
+    numbers = {name: entries[place] for name, place in DERIVATIVES.items() if place in entries}
+    numbers |= _flapping(entries)
     for key in dict.fromkeys(DELAYS[name] for name in delays):
         lags = {name: delay / _MS for name, delay in delays.items() if DELAYS[name] == key}
         whole = min(LONGEST_MS, max(0, round(sum(delays[name] for name in lags) / len(lags) / _MS)))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
 from helisim.base.settings import Limits, convert
+from helisim.ident.conditions import Conditions
 from helisim.ident.evidence import evidence, joint_evidence
 from helisim.ident.local import Local, with_gap
 from helisim.ident.response import FrequencyResponse
@@ -38,7 +39,7 @@ _LONGEST_STOP = 1.0  # s, for which an input may be at its stop in a record
 _AS_COHERENT = 0.9  # of the direct estimate's coherent points, that the joint one by sticks needs
 _IN_A_LOOP = 0.25  # likewise, where gusts go round a loop: sticks that excite had 0.35 to 0.57
 _SAMPLES_A_PERIOD = 10.0  # of the highest frequency that records resolve
-_NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part", "missing")
+_NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part", "missing", "conditions")
 
 
 class FlagWarning(UserWarning):
@@ -133,6 +134,7 @@ def frequency_response(
             flags=flags,
             sources=tuple(map(record_digest, flights)),
             spans=tuple(filter(None, map(flight_span, flights))),
+            conditions=Conditions.of(flights),
             scatter=found.scatter,
         )
 

@@ -25,6 +25,7 @@ from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
 from helisim.base.settings import Limits, convert
 from helisim.ident.bounds import Accuracy
+from helisim.ident.conditions import Conditions
 from helisim.ident.cost import Band, Cost, select, within
 from helisim.ident.diagnosis import delay_names, misfit
 from helisim.ident.evaluate import Sensitivity, response
@@ -417,4 +418,5 @@ def _shown(of: _Likelihood, x: Real, flights: Sequence[FlightRecord]) -> Frequen
         flags=tuple(faults(flights, (*structure.inputs, *structure.outputs))),
         sources=tuple(map(record_digest, flights)),
         spans=tuple(filter(None, map(flight_span, flights))),
+        conditions=Conditions.of(flights),
     )

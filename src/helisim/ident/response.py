@@ -19,6 +19,7 @@ from helisim.base.files import atomic_write, check_suffix, write_json
 from helisim.base.note import Note
 from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import decibel
+from helisim.ident.conditions import Conditions
 from helisim.ident.scatter import ErrorModel
 from helisim.records.record import made_by
 
@@ -46,6 +47,7 @@ class FrequencyResponse(Value, Displayed):
         reference: of the joint input-output method; empty for the direct one.
         windows: window lengths, s; empty without windows.
         spans: (digest of the flight, first time, last time) of each record that is known.
+        conditions: full travel of the commands, and the hover of the flights.
         scatter: error model with correlations, for standard errors of fits.
         direct: with a reference, the direct estimate for comparison.
     """
@@ -68,6 +70,7 @@ class FrequencyResponse(Value, Displayed):
     evidence: tuple[Note, ...] = ()
     sources: tuple[str, ...] = ()
     spans: tuple[tuple[str, float, float], ...] = ()
+    conditions: Conditions = field(default_factory=Conditions)
     scatter: ErrorModel | None = field(default=None, compare=False)
     direct: "FrequencyResponse | None" = field(default=None, compare=False)
 

@@ -14,9 +14,10 @@ import numpy as np
 from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
-from helisim.base.settings import FrozenMap
-from helisim.base.units import STANDARD_GRAVITY
+from helisim.base.settings import FrozenMap, to_plain
+from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.ident import FrequencyResponse, Structure, identify
+from helisim.ident.conditions import Conditions
 from helisim.ident.frf import FlagWarning, frequency_response
 from helisim.ident.windows import lowest_line
 from helisim.logs.dataflash import DataFlash, open_dataflash
@@ -73,6 +74,20 @@ _CANDIDATES: tuple[tuple[str, str, str, str], ...] = (
     ),
 )
 """Channel, column, unit, why, best first; body axes, commands right, nose up, nose right, up."""
+_MIXER = "ArduPilot's own commands to its mixer"
+_OUTPUTS = ("RATE.ROut", "RATE.POut", _YAW, _SENT, "RATE.AOut")
+_HOVER = (
+    ("rotor_speed", "RPM", "RPM", RAD_S_PER_RPM, (1.0, math.inf)),
+    ("rotor_speed", "RPM", "rpm1", RAD_S_PER_RPM, (1.0, math.inf)),
+    ("hover", "RATE", "AOut", 1.0, (0.0, 1.0)),
+    ("lean", "ANG", "Roll", math.radians(1.0), (-180.0, 180.0)),
+    ("lean", "ATT", "Roll", math.radians(1.0), (-180.0, 180.0)),
+)
+"""What a message says of the hover, its field, SI per unit, and sound values in it; best first.
+
+RPM's first sensor is ArduPilot's main rotor, 0 or -1 without a signal.
+"""
+_GOVERNOR = 4.0  # H_RSC_MODE in which ArduPilot itself holds H_RSC_GOV_RPM
 _MIDDLE = {"col": 0.5}  # throttle in the middle of its range, which is no collective
 _HELI = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), "roll and pitch were swept"),
@@ -155,7 +170,10 @@ class InferredFit:
 
 @dataclass(frozen=True)
 class InferredLog:
-    """A log with SystemID's messages; `dropped` is the share lost during sweeps."""
+    """A log with SystemID's messages; `dropped` is the share lost during sweeps.
+
+    `conditions` are the commands' full travel, and the hover in which sweeps were flown.
+    """
 
     path: str
     version: str
@@ -164,6 +182,7 @@ class InferredLog:
     channels: tuple[TakenChannel, ...]
     parameters: FrozenMap[str, float] = field(repr=False)
     dropped: float
+    conditions: Conditions = field(default_factory=Conditions)
 
     @property
     def used(self) -> tuple[FlownSweep, ...]:
@@ -172,7 +191,8 @@ class InferredLog:
 
     def __str__(self) -> str:
         head = f"{self.path}: {self.version or 'ArduPilot'}, {len(self.sweeps)} sweep(s)"
-        return "\n".join([head, *(f"  {one}" for one in self.sweeps)])
+        told = [f"  {self.conditions}"] if self.helicopter else []
+        return "\n".join([head, *(f"  {one}" for one in self.sweeps), *told])
 
 
 @dataclass(frozen=True)
@@ -292,14 +312,21 @@ class Inferred:
                 injected = {axis.name: Column("SIDD.Targ", axis.unit, meaning=axis.channel.meaning)}
                 options = replace(self.sampling, start=sweep.start, stop=sweep.stop)
                 part = from_source(source, Map(columns | injected), digest, options)
-                records = tuple(self._completed(record, sweep, place) for record in part.records)
+                told = {"sweep": sweep.to_dict(), "conditions": to_plain(one.conditions)}
+                records = tuple(
+                    self._completed(record, sweep, place, told) for record in part.records
+                )
                 found.append(replace(part, records=records))
             if on_progress is not None:
                 on_progress(path.name)
         return tuple(found)
 
     def _completed(
-        self, record: FlightRecord, sweep: FlownSweep, place: Sequence[float] | None
+        self,
+        record: FlightRecord,
+        sweep: FlownSweep,
+        place: Sequence[float] | None,
+        told: Mapping[str, Any],
     ) -> FlightRecord:
         """Return a sweep's record with all injected signals, and the side acceleration."""
         own = [one for one in record.channels if one.name != sweep.sid_axis.name]
@@ -308,7 +335,7 @@ class Inferred:
             record[sweep.sid_axis.name] * (axis == sweep.sid_axis) for axis in self.injected
         ]
         columns = [*(record[one.name] for one in own), *of_sweep]
-        facts = {**record.provenance, "sweep": sweep.to_dict()}
+        facts = {**record.provenance, **told}
         if place is not None:
             columns.append(side_acceleration(record, place))
             channels.append(Channel(_SIDE, "m/s^2", "OTHER", _SIDE_WHY))
@@ -424,15 +451,55 @@ def _inferred(
         raise LogError(f"{text} first sample", remedy="from,to")
     spans = [(one.start + log.begins, one.stop + log.begins) for one in mine]
     frame = parameters.get("FRAME_CLASS", float("H_SW_TYPE" in parameters) * _HELICOPTER)
+    channels = _chosen_channels(log, given, spans)
     return InferredLog(
         path=str(path),
         version=log.version,
         helicopter=frame == _HELICOPTER,
         sweeps=mine,
-        channels=_chosen_channels(log, given, spans),
+        channels=channels,
         parameters=FrozenMap(parameters),
         dropped=usual_step(log.table("SIDD").time, spans)[1],
+        conditions=_conditions(log, channels, spans),
     )
+
+
+def _conditions(log: DataFlash, channels: Sequence[TakenChannel], spans: Spans) -> Conditions:
+    """Return what a log says of its commands and of the hover in which sweeps were flown."""
+    parameters, found, known = log.parameters(), dict[str, float](), {"full": _MIXER}
+    for name, message, word, factor, (low, high) in _HOVER:
+        values = _flown(log, message, word, spans)
+        if name not in found and values.size and low <= (middle := np.median(values)) <= high:
+            found[name] = factor * float(middle)
+            known[name] = f"{message}.{word}, median of the sweeps"
+    governs = (
+        parameters.get("H_RSC_MODE") == _GOVERNOR and parameters.get("H_RSC_GOV_RPM", 0.0) > 0.0
+    )
+    for name, word, factor, holds in (
+        ("rotor_speed", "H_RSC_GOV_RPM", RAD_S_PER_RPM, governs),
+        ("lean", "ATC_HOVR_ROL_TRM", math.radians(0.01), "ATC_HOVR_ROL_TRM" in parameters),
+    ):
+        if holds and name not in found:
+            found[name] = factor * parameters[word]
+            known[name] = f"the parameter {word}, not measured"
+    if "rotor_speed" not in found:
+        motor = _flown(log, "ESC", "RPM", spans)
+        told = f"; ESC.RPM, {np.median(motor):.5g} rpm, is the motor's" if motor.size else ""
+        known["rotor_speed"] = f"no RPM message, and H_RSC_MODE isn't 4, ArduPilot's governor{told}"
+    own = [one for one in channels if one.column.column in _OUTPUTS and one.why != "given"]
+    return Conditions(full={one.name: 1.0 for one in own}, known_by=known, **found)
+
+
+def _flown(log: DataFlash, message: str, field: str, spans: Spans) -> Real:
+    """Return a field of a message's first sensor during sweeps, (n_message,); none if it lacks."""
+    if message not in log or 0 not in log.instances(message):
+        return np.zeros(0)
+    table = log.table(message)
+    if field not in table.columns:
+        return np.zeros(0)
+    values, time = np.asarray(table[field], np.float64), table.time
+    inside = np.any([(time >= start) & (time <= stop) for start, stop in spans], axis=0)
+    return values[inside & np.isfinite(values)]
 
 
 def _chosen_channels(
