@@ -108,10 +108,10 @@ def test_the_twin_of_a_log_flies_as_the_models_that_were_identified_of_it(tmp_pa
     4 % up to 40 rad/s: Euler's error with 1 ms is 2 %, a delay off by half a millisecond 2 %.
     """
     log, path = SidLog(parameters={"ATC_HOVR_ROL_TRM": 400.0}), tmp_path / "heli.json"
-    log.define(12, "RPM", "QBffB", "TimeUS,I,RPM,Qual,H", units="s#q--", multipliers="F-000")
+    log.define(16, "RPM", "QBffB", "TimeUS,I,RPM,Qual,H", units="s#q--", multipliers="F-000")
     for axis in (10, 11, 12, 13):
         log.sweep(axis, length=12.0, low=1.0)
-        log.write(12, log.us - 6_000_000, 0, 1650.0, 1.0, 1)
+        log.write(16, log.us - 6_000_000, 0, 1650.0, 1.0, 1)
     model = ["--json", str(tmp_path / "model.json")]
     main(["identify", str(log.save(tmp_path)), *model, "--quiet"])
     found = sorted(map(str, tmp_path.glob("model-*.json")))

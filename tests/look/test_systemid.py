@@ -352,8 +352,8 @@ def test_a_log_says_full_travel_and_the_hover_and_whence_its_rotor_speed(tmp_pat
     assert found.rotor_speed == pytest.approx(50.0 * np.pi)
     assert "H_RSC_GOV_RPM, not measured" in str(found)
     log = SidLog(parameters=not_so)
-    log.define(13, "ESC", "QBf", "TimeUS,Instance,RPM", units="s#q", multipliers="F--")
-    log.write(13, log.us + 5_000_000, 0, 9000.0)
+    log.define(16, "ESC", "QBf", "TimeUS,Instance,RPM", units="s#q", multipliers="F--")
+    log.write(16, log.us + 5_000_000, 0, 9000.0)
     found = infer(one_sweep(tmp_path, log=log, slip=True)).logs[0].conditions
     assert (found.rotor_speed, found.hover) == (None, pytest.approx(0.5))
     assert found.full == dict.fromkeys(("lat", "lon", "ped", "col"), 1.0)
