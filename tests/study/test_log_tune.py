@@ -71,6 +71,16 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(logs, tmp_pa
     assert not (tmp_path / "b.param").exists()
 
 
+def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path):
+    """Yaw alone: its modes, sweep, model, loop and gains are on the page."""
+    path = Flown().fly(12).save(tmp_path)
+    assert main(["report", str(path), "--quiet"]) == 0
+    text = path.with_suffix(".html").read_text(encoding="utf-8")
+    for said in ("systemid", "SID_AXIS 12", "yaw_alone", "loop_ped", "ATC_RAT_YAW_FF"):
+        assert said in text, said
+    assert "ATC_RAT_YAW_FF" in parm_file(path.with_suffix(".param"))
+
+
 def test_gains_that_are_as_good_already_stay(tuned, tmp_path):
     """The yaw that was tuned flies once more: its rejection can't grow by three percent."""
     new = {**PARAMETERS, **tuned.parameters.values}

@@ -104,19 +104,28 @@ def study_recover(o: Options) -> int:
 
 
 def report(o: Options) -> int:
-    """Write a run's report again.
+    """Write the page of a run, or of an ArduPilot log.
 
-    Write DIR/report.html and DIR/figures again, from the results of helisim reproduce in DIR.
+    Write DIR/report.html and DIR/figures again, from the results of helisim reproduce in DIR; or of
+    a log FLIGHT.bin what helisim tune finds, as FLIGHT.html with FLIGHT.param beside it.
 
     Options:
-        folder DIR  folder of a run
+        source FILE|DIR  folder of a run, or log of ArduCopter-heli with SystemID sweeps, .bin
         @quiet
 
-    example: helisim report reproduction
+    examples:
+      helisim report reproduction
+      helisim report flight.bin
     """
+    if o.source.is_file():
+        from helisim.cli.vehicle import tune_logs
+
+        o.json, o.logs = None, [o.source]
+        o.report, o.out = map(o.source.with_suffix, (".html", ".param"))
+        return tune_logs(o)
     from helisim.show.report import write_report
 
-    path = write_report(o.folder)
+    path = write_report(o.source)
     print_written(o, f"{path}, figures in {path.parent / 'figures'}")
     return 0
 

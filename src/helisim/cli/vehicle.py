@@ -169,6 +169,7 @@ def tune(o: Options) -> int:
     Options:
         logs LOG <any>  of ArduCopter-heli with sweeps by its mode SystemID, .bin
         --out FILE <.param .parm =tuned.param>  the new gains (default: tuned.param)
+        --report FILE <.html>  page on the flight, .html
         @json: of logs, what was found
         without a log:
         @vehicle
@@ -186,7 +187,7 @@ def tune(o: Options) -> int:
     Exit status 1: no axis has better gains.
     """
     if o.logs:
-        return _tune_log(o)
+        return tune_logs(o)
     from helisim.study.tune import LOOPS, margins, tune
     from helisim.vehicle import load
     from helisim.vehicle.parameters import to_toml
@@ -206,11 +207,12 @@ def tune(o: Options) -> int:
     return 0
 
 
-def _tune_log(o: Options) -> int:
+def tune_logs(o: Options) -> int:
+    """Print today's figures and better gains of logs, and write what options ask for."""
     from helisim.show import tables
+    from helisim.show.report import write_flight_report
     from helisim.show.table import as_text, filled
     from helisim.study.log_tune import tune_log
-    from helisim.study.results import as_json
 
     with progress(3, o.quiet) as advance:
         found = tune_log(o.logs, on_step=advance)
@@ -222,7 +224,9 @@ def _tune_log(o: Options) -> int:
         print(as_text(tables.changes(found.changes)))
     for remark in found.remarks:
         print(filled(remark, "- "))
-    write_data(o, as_json(found))
+    write_data(o, found.to_dict())
+    if o.report is not None:
+        print_written(o, write_flight_report(o.report, found))
     if not found.changes:
         return 1
     found.parameters.write(o.out)

@@ -19,6 +19,7 @@ from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs
 from helisim.show.table import numbers, table
 from helisim.study.comparison import ComparisonTable
 from helisim.study.errata import errata
+from helisim.study.log_tune import LogTuning
 from helisim.study.results import IdentifiedModel, Results, Run, read_run
 
 FIGURES = "figures"
@@ -107,6 +108,37 @@ def write_margins_report(path: str | Path, found: MeasuredMargins) -> Path:
     return page.write_page(
         Path(path), "Margins and disturbance rejection", sections, paragraph(lead)
     )
+
+
+def write_flight_report(path: str | Path, found: LogTuning) -> Path:
+    """Write a page on an autopilot's flight, its models, loops and new gains; return its path.
+
+    Raises StorageError.
+    """
+    flown = [(f"{since:.1f}", name) for since, name in found.modes]
+    loops = [
+        draw_loops(f"loop_{one.axis}", f"Broken loop, {axis_of(one.axis).word}", one.loops)
+        for one in found.axes
+    ]
+    told = "".join(
+        page.block(tables.tuning(one)) + paragraph(one.why and f"No new gains: {one.why}.", "off")
+        for one in found.axes
+    )
+    models = "".join(
+        page.block(tables.fitted(fit)) + paragraph(f"{fit.verdict}.") for fit in found.fits
+    )
+    gains = page.table(tables.changes(found.changes)) if found.changes else ""
+    sections = [
+        ("gains", "New gains", gains),
+        ("figures", "Margins, rejection and bandwidth, with 95 % intervals", told),
+        ("loops", "Broken loops, as flown, and predicted with new gains", page.figures(loops)),
+        ("remarks", "What is to be known of them", page.bullets(found.remarks)),
+        ("models", "Models", models),
+        ("modes", "Flight modes", page.table(table("", "from [s]|mode<", flown))),
+        ("flown", "What was swept, and what of the log is taken", page.preformatted(found.told)),
+    ]
+    lead = f"From {', '.join(Path(one).name for one in found.logs)}: its sweeps by mode SystemID."
+    return page.write_page(Path(path), "A flight, and better gains", sections, paragraph(lead))
 
 
 def _sections(run: Run, folder: Path) -> list[Section]:

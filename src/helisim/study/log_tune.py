@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
-from helisim.base.settings import Value
+from helisim.base.settings import Value, to_plain
 from helisim.design.plant import Plant
 from helisim.handling.arducopter import WORDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
@@ -22,14 +22,15 @@ from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval, figures_of, intervals
 from helisim.handling.measured.margins import MeasuredLoop
-from helisim.ident import identify, structures
-from helisim.logs.dataflash import open_dataflash
+from helisim.ident import Fit, identify, structures
+from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.loops import flown_law, flown_loops
-from helisim.look.systemid import estimate_fits, followed_band, infer
+from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.records.record import one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
+from helisim.sitl.pilot import MODES
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -151,15 +152,35 @@ class AxisTuning(Value):
     tuned: Mapping[str, Interval] = field(default_factory=dict)
     changes: tuple[Changed, ...] = ()
     why: str = ""
+    loops: Mapping[str, Curve] = field(default_factory=dict, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, without the loops."""
+        found = to_plain(replace(self, loops={}))
+        for name in ("today", "tuned"):
+            found[name] = {figure: one.to_dict() for figure, one in getattr(self, name).items()}
+        return found
 
 
 @dataclass(frozen=True, eq=False)
 class LogTuning(Value):
-    """What a flight log says of its loops and of better gains, by axis; remarks on both."""
+    """What a flight log says of its loops and of better gains, by axis; remarks on both.
+
+    `told` is what the log says of its sweeps, `modes` its flight modes: s after its first stamp,
+    and name; `fits` are the models.
+    """
 
     logs: tuple[str, ...]
     axes: tuple[AxisTuning, ...]
     remarks: tuple[str, ...] = ()
+    told: str = field(default="", repr=False)
+    modes: tuple[tuple[float, str], ...] = field(default=(), repr=False)
+    fits: tuple[Fit, ...] = field(default=(), repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        axes = [one.to_dict() for one in self.axes]
+        return {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)}
 
     @property
     def changes(self) -> tuple[Changed, ...]:
@@ -199,7 +220,8 @@ def tune_log(
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
     on_step("models")
-    plant, start = logged_plant(paths)
+    plant, inferred = logged_plant(paths)
+    start = inferred.used[0].start
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
     on_step("loops as flown")
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
@@ -236,13 +258,29 @@ def tune_log(
         if one.changes:
             before, after = (_noise(plants[0], each, axis) for each in (law, with_gains(gains)))
             one = replace(one, noise=after / before)
-            remarks += _unseen(PredictedLoop(plants[0], with_gains(gains)), plants[0], axis)
+            new = PredictedLoop(plants[0], with_gains(gains))
+            remarks += _unseen(new, plants[0], axis)
+            one = replace(one, loops={"predicted": new.broken(axis)})
+        flew = shown.broken(axis) if shown and one.flown else today.broken(axis)
+        one = replace(one, loops={"flown" if one.flown else "today": flew, **one.loops})
         found.append(one)
-    return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)))
+    return LogTuning(
+        *(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks))),
+        *(str(inferred), _modes(log), plant.fits),
+    )
 
 
-def logged_plant(logs: Sequence[str]) -> tuple[Plant, float]:
-    """Return the models that logs of SystemID sweeps tell, and when the first begins, s.
+def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
+    if "MODE" not in log:
+        return ()
+    table, names = log.table("MODE"), {number: name for name, number in MODES.items()}
+    numbers = np.asarray(table["ModeNum" if "ModeNum" in table.columns else "Mode"], int)
+    since = (table.time - log.begins).tolist()
+    return tuple((at, names.get(one, f"mode {one}")) for at, one in zip(since, numbers.tolist()))
+
+
+def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
+    """Return the models that logs of SystemID sweeps tell, and what of them was taken.
 
     Raises StorageError, LogError, IdentificationError, or InputError if nothing is of use.
     """
@@ -263,7 +301,7 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, float]:
         structure = structures.named(fit.structure)
         band = followed_band(estimate, structure, fit.band)
         fits.append(identify(estimate, structure, band=band))
-    return Plant(tuple(fits)), found.used[0].start
+    return Plant(tuple(fits)), found
 
 
 def _shown(paths: Sequence[str], remarks: list[str]) -> MeasuredLoop | None:

@@ -33,6 +33,10 @@ class Interval:
     low: float
     high: float
 
+    def to_dict(self) -> dict[str, float | None]:
+        """Return plain data for JSON; null for an end that the records don't bound."""
+        return {name: one if np.isfinite(one) else None for name, one in vars(self).items()}
+
 
 def interval(value: float, samples: NDArray[np.float64]) -> Interval:
     """Return the interval of a figure between percentiles of its samples, (n_draw,).

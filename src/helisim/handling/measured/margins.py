@@ -417,8 +417,7 @@ class MeasuredFigure:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; null for an end that the records don't bound."""
         said = {"figure": self.name, "axis": self.axis, "at": self.at, "unit": self.unit}
-        ends = vars(self.interval).items()
-        return said | {name: end if math.isfinite(end) else None for name, end in ends}
+        return said | self.interval.to_dict()
 
 
 @dataclass(frozen=True, eq=False)
