@@ -116,7 +116,7 @@ def _cuts_none(sweep: FlownSweep) -> str:
 def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> list[FlightRecord]:
     """Return a record of each sweep, and extend the remarks. Raises LogError."""
     if "RATE" not in log:
-        raise LogError(f"{log.path}: no RATE messages beside the sweeps: {_SET}")
+        raise LogError(f"{log.path}: no RATE messages beside the sweeps: {log.damage or _SET}")
     rate = log.table("RATE")
     spans = [(one.start + log.begins, one.stop + log.begins) for one in used]
     period, lost = usual_step(rate.time, spans)
@@ -187,8 +187,9 @@ def _returned(
 
 
 def _line(stamps: Real, values: Any) -> Line:
-    stamps, first = np.unique(stamps, return_index=True)
-    return stamps, np.asarray(values, np.float64)[first]
+    known = np.flatnonzero(np.isfinite(values))
+    stamps, first = np.unique(stamps[known], return_index=True)
+    return stamps, np.asarray(values, np.float64)[known[first]]
 
 
 def _between(stamps: Real, values: Real, time: Real) -> Real:

@@ -44,7 +44,7 @@ _FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
 _SIDE = "v_dot"
 _SIDE_OF = ("ay", "phi", "p", "r")  # channels that side acceleration is made of
 _SIDE_WHY = "side acceleration of the centre of gravity, ay + g sin(phi) less the lever arm's"
-_REPAIRS = frozenset({"gaps", "duplicates"})  # faults of a logger under load
+_REPAIRS = frozenset({"gaps", "duplicates", "missing"})  # faults of a logger, or of bytes
 _OUTPUT = "the mixer's command on this axis, the sweep in it; 1 is its full travel"
 _THROTTLE = "throttle that the mixer is given, the sweep in it, 0 to 1, about its middle"
 _SENT_WHY = (
@@ -111,6 +111,7 @@ _SAMPLES_A_PERIOD = 8.0  # of the highest frequency that was swept, in the recor
 _MAX_GAP = 1.0  # s without a message: at more a sweep is cut in two
 _SHORTEST = 0.25  # of the longest sweep: shorter parts are left out
 _HELICOPTER = 6  # FRAME_CLASS of a helicopter with one main rotor
+_DAMAGE = ("corruption", "joined")  # kinds of findings
 _DROPPED = 0.01  # share of messages that may be missing without a word
 _FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is called excellent
 _OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
@@ -155,7 +156,10 @@ class InferredFit:
 
 @dataclass(frozen=True)
 class InferredLog:
-    """A log with SystemID's messages; `dropped` is the share lost during sweeps."""
+    """A log with SystemID's messages; `dropped` is the share lost during sweeps.
+
+    `findings` tell of damage, and of several logs in one.
+    """
 
     path: str
     version: str
@@ -164,6 +168,7 @@ class InferredLog:
     channels: tuple[TakenChannel, ...]
     parameters: FrozenMap[str, float] = field(repr=False)
     dropped: float
+    findings: tuple[str, ...] = ()
 
     @property
     def used(self) -> tuple[FlownSweep, ...]:
@@ -426,6 +431,7 @@ def _inferred(
         channels=_chosen_channels(log, given, spans),
         parameters=FrozenMap(parameters),
         dropped=usual_step(log.table("SIDD").time, spans)[1],
+        findings=tuple(one.text for one in log.source.findings if one.kind in _DAMAGE),
     )
 
 
@@ -440,9 +446,9 @@ def _chosen_channels(
     sent = tail_servo(log.parameters())
     known = [(name, column, "given") for name, column in given.items()]
     for name, column, given_in, why in _CANDIDATES:
-        message, _, field = column.partition(".")
+        message = column.partition(".")[0]
         fast = message in log and rate(message) >= _FAST * rate("SIDD")
-        if fast and field in log.table(message).columns:
+        if fast and column in log.source.names:
             if sent and column == _YAW:
                 column, why = _SENT, _SENT_WHY.format(*sent)
             known.append((name, Column(column, given_in, trim=_MIDDLE.get(name)), why))
@@ -453,7 +459,8 @@ def _chosen_channels(
         )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
-            f"{log.path}: no RATE messages beside the sweeps, which say what the mixer was "
+            f"{log.path}: {log.damage and f'{log.damage}; '}no RATE messages beside the sweeps, "
+            "which say what the mixer was "
             "commanded; set LOG_BITMASK's bits 0 and 1, or say which columns the commands are",
             remedy=Option("channel", "lat=COLUMN:UNIT"),
         )
@@ -504,7 +511,7 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
     yawed = any(one.sid_axis.control == "ped" for one in log.used)
     notes = (
         (
-            log.dropped > _DROPPED,
+            log.dropped > _DROPPED and not log.findings,
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "
             "sweeps were flown; they count as missing, and errors hold what that costs: log fewer "
             "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)",
@@ -531,7 +538,8 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
             "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm",
         ),
     )
-    return [text for holds, text in notes if holds]
+    damage = (f"{log.path}: {text}" for text in log.findings)
+    return [*damage, *(text for holds, text in notes if holds)]
 
 
 def estimate_fits(
