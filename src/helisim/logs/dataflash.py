@@ -522,9 +522,12 @@ class DataFlash:
         cut_off = f"its last {self.cut_off} of {self.size} bytes are no whole message"
         corrupt = self.damage or cut_off * (self.skipped > 0)
         logs = [f"byte {at}{why and f' ({why}: left out)'}" for at, why in self.joints.items()]
-        joined = f"{len(logs)} logs are joined, one after the other, from {', '.join(logs)}"
+        kind = "corruption" if self.damage else "cut off"
+        joined = (
+            f"{self.path}: {len(logs)} logs are joined, one after the other, from {', '.join(logs)}"
+        )
         return [
-            *([LogFinding("corruption", corrupt)] if corrupt else ()),
+            *([LogFinding(kind, f"{self.path}: {corrupt}")] if corrupt else ()),
             *([LogFinding("joined", joined)] if len(self.joints) > 1 else ()),
             *(LogFinding("format", text) for text in lost),
             *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),

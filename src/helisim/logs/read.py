@@ -253,6 +253,8 @@ def from_source(
         return _assembled(head, samples, unused, origin, options, findings, made)
     except HelisimError as error:
         findings.refuse_error(source.path, error)
+        damage = [one for one in source.findings if one.kind == "corruption"]
+        findings.refused = list(dict.fromkeys([*damage, *findings.refused]))
         findings.check()
         raise
 

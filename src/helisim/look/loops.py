@@ -14,7 +14,7 @@ from helisim.base.errors import LogError
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.sweeps import FlownSweep, sweeps, usual_step, within
+from helisim.look.sweeps import DAMAGE, FlownSweep, sweeps, usual_step, within
 from helisim.records.missing import completed, in_gaps, told
 from helisim.records.record import Channel, FlightRecord
 
@@ -82,6 +82,7 @@ def flown_loops(
     for path in map(Path, paths):
         log = open_dataflash(path, file_digest(path))
         mine = within(sweeps(log, "axis,injected,total,channel"), start, stop)
+        remarks += [one.text for one in log.source.findings if one.kind in DAMAGE]
         remarks += filter(None, map(_cuts_none, mine))
         used = flown[str(path)] = tuple(one for one in mine if not _cuts_none(one))
         records += _records(log, used, remarks) if used else ()

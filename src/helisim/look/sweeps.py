@@ -20,6 +20,7 @@ from helisim.logs.source import file_digest
 from helisim.records.record import Channel
 
 Spans = Sequence[tuple[float, float]]
+DAMAGE = ("corruption", "cut off", "joined")  # kinds of findings on the bytes of a log
 
 
 @dataclass(frozen=True)

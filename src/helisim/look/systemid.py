@@ -26,7 +26,7 @@ from helisim.logs.report import Log
 from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
 from helisim.logs.timing import Options
-from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step, within
+from helisim.look.sweeps import DAMAGE, FlownSweep, SidAxis, Spans, sweeps, usual_step, within
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
@@ -111,7 +111,6 @@ _SAMPLES_A_PERIOD = 8.0  # of the highest frequency that was swept, in the recor
 _MAX_GAP = 1.0  # s without a message: at more a sweep is cut in two
 _SHORTEST = 0.25  # of the longest sweep: shorter parts are left out
 _HELICOPTER = 6  # FRAME_CLASS of a helicopter with one main rotor
-_DAMAGE = ("corruption", "joined")  # kinds of findings
 _DROPPED = 0.01  # share of messages that may be missing without a word
 _FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is called excellent
 _OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
@@ -431,7 +430,7 @@ def _inferred(
         channels=_chosen_channels(log, given, spans),
         parameters=FrozenMap(parameters),
         dropped=usual_step(log.table("SIDD").time, spans)[1],
-        findings=tuple(one.text for one in log.source.findings if one.kind in _DAMAGE),
+        findings=tuple(one.text for one in log.source.findings if one.kind in DAMAGE),
     )
 
 
@@ -538,8 +537,7 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
             "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm",
         ),
     )
-    damage = (f"{log.path}: {text}" for text in log.findings)
-    return [*damage, *(text for holds, text in notes if holds)]
+    return [*log.findings, *(text for holds, text in notes if holds)]
 
 
 def estimate_fits(
