@@ -62,6 +62,14 @@ class Log:
         return path
 
 
+def flipped(data, share, seed):
+    """Return bytes of which a share is random."""
+    random, data = np.random.default_rng(seed), np.frombuffer(data, np.uint8).copy()
+    hit = random.random(data.size) < share
+    data[hit] = random.integers(0, 256, np.count_nonzero(hit), np.uint8)
+    return data.tobytes()
+
+
 def ulog(topics, dropouts=()):
     """Return a ULog of topics: name -> (stamps in us, {field: (n_time,) or (n_time, n)}).
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from autopilot_logs import LETTERS, Log
+from autopilot_logs import LETTERS, Log, flipped
 from command import said
 from helisim.base.errors import HelisimError, InputError, LogError, StorageError, UnknownNameError
 from helisim.logs import dataflash, read_log
@@ -269,6 +269,54 @@ def test_damage_anywhere_costs_no_other_message(tmp_path, seed):
             table = read.table("ONE")
             assert table.time == pytest.approx(2.5e-3 * table["N"], abs=1e-9)
         assert len(expected - found) <= 1  # the one before the damage, which no other follows
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", [1e-2, 1e-3, 1e-4])
+def test_random_bytes_cost_the_numbers_that_they_hit(tmp_path, share, seed):
+    log = counting(3000)
+    head = sum(len(one) for one in log.messages[:-4000])
+    data = log.data[:head] + flipped(log.data[head:], share, seed)
+    read = DataFlash(saved(tmp_path, data))
+    for name, count in (("ONE", 3000), ("TWO", 1000)):
+        table = read.table(name)
+        assert 0.8 * count < len(table) + read.strays[name] <= count
+        assert not np.any(np.diff(table.time) < 0.0)
+        assert 0.0 <= table.time[0] <= table.time[-1] < 8.0  # none of centuries
+        off = np.abs(table["X"] - (40.0 if name == "ONE" else 80.0) * table.time)
+        assert np.count_nonzero(off > 2.0) <= share * count
+        assert np.count_nonzero(np.isnan(table["X"])) < 8.0 * share * count + 2
+    assert read.damaged
+    assert f"({read.skipped} of {read.size} bytes)" in read.damage
+
+
+def test_one_stamp_that_goes_back_costs_one_message(tmp_path):
+    log = counting(200)
+    where = max(k for k, one in enumerate(log.messages) if one[2] == 1) - 100
+    log.messages[where] = log.messages[where][:3] + bytes(8) + log.messages[where][11:]
+    path = log.save(tmp_path)
+    report = read_log(path, channels={"p": "ONE.X"}, repair="gaps").report
+    assert report.counts == "ONE row"
+    assert "1 messages (1 of ONE) have stamps that don't fit" in report.findings[0].text
+    assert report.samples == 199
+
+
+def test_logs_that_are_joined_follow_each_other(tmp_path):
+    one, other, short = counting(100), counting(100), Log()
+    other.write(1, 2500 * 100, 100, 0.0)
+    short.define(1, "ONE", "Qf", "TimeUS,X")
+    path = saved(tmp_path, one.data + other.data + one.data + short.data)
+    read, size = DataFlash(path), len(one.data)
+    table = read.table("ONE")
+    assert table["N"].tolist() == [*range(100), *range(101)]
+    assert np.diff(table.time)[99] == pytest.approx(10.0, abs=0.1)
+    assert np.delete(np.diff(table.time), 99) == pytest.approx(2.5e-3, abs=1e-9)
+    (said,) = (one.text for one in read.source.findings if one.kind == "joined")
+    third = size + len(other.data)
+    assert f"4 logs are joined, one after the other, from byte 0, byte {size}, " in said
+    assert f"byte {third} (the same as one before: left out)" in said
+    assert f"byte {third + size} (its ONE has other fields: left out)" in said
+    assert not read.damage
 
 
 def test_a_logger_that_drops_messages(tmp_path):

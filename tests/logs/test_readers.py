@@ -73,8 +73,8 @@ FORMATS = {
     # bytes, the rate's column, another one, what rows are counted from, the first stamp
     "CSV": (text, "p", "k", ("line", 2, "5.0 s")),
     "Parquet": (columnar, "p", "k", ("row", 0, "5.0 s")),
-    "ULog": (ulog, "gyro.xyz[0]", "gyro.xyz[1]", ("row", 0, "1000 us")),
-    "DataFlash": (dataflash, "GYR.X", "GYR.Y", ("row", 0, "1000 us")),
+    "ULog": (ulog, "gyro.xyz[0]", "gyro.xyz[1]", ("gyro row", 0, "1000 us")),
+    "DataFlash": (dataflash, "GYR.X", "GYR.Y", ("GYR row", 0, "1000 us")),
 }
 
 

@@ -9,8 +9,11 @@ PX4, sdlog2_format.h and sdlog2_messages.h.
 
 import re
 import struct
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +28,7 @@ from helisim.base.text import shown
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
 from helisim.logs.ulog import ULOG_MAGIC
+from helisim.records.quality import spikes
 
 _HEADER = 3  # bytes before a message's fields: two marks and its type's number
 _MARKS = b"\xa3\x95"
@@ -40,6 +44,12 @@ _CLOCKS: Mapping[str, float] = {"TimeUS": 1e6, "TimeMS": 1e3, "StartTime": 1e6}
 _TIMES = "TIME"  # message of sdlog2 with the time of those after it, StartTime
 SDLOG2 = "sdlog2"
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
+_BLOCK = 16  # messages on either side of a clock's reset, whose medians go back
+_FEW = 9  # messages that tell a reset from a wrong stamp, and when a log began and ended
+_APART = 600.0  # s that a message may be before or after all types of more than a few
+_REST = 10.0  # s from one to the next of logs that are joined
+_WILD = 1e6  # magnitude, and medians and one more, that no number of a flight has
+_ROUNDS = 20  # searches for spikes at most, each without those found before
 # Letter -> kind of number, and its divisor; arrays are passed over.
 _LETTERS: dict[str, tuple[str, float]] = {
     "a": ("V64", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
@@ -51,6 +61,7 @@ _LETTERS: dict[str, tuple[str, float]] = {
 
 Column = NDArray[np.float64] | NDArray[np.str_]
 _Places = NDArray[np.int64]
+_Times = NDArray[np.float64]
 
 
 def is_dataflash(path: str | PathLike[str]) -> bool:
@@ -143,6 +154,61 @@ def _scan(read: Callable[[], NDArray[np.uint8]]) -> list[tuple[_Layout, _Places]
     return [(layout, places[numbers == number]) for number, layout in layouts.items()]
 
 
+def _in_order(time: _Times, sensors: NDArray[np.integer] | None = None) -> NDArray[np.intp]:
+    """Return the most messages, (n_kept,), whose stamps, of (n_time,) s, don't go back.
+
+    Those of each of `sensors`, (n_time,), and from a clock's reset on, count for themselves.
+    """
+    back = np.flatnonzero(np.diff(time) < 0.0) + 1
+    if not back.size:
+        return np.arange(time.size)
+    if sensors is not None:
+        mine = (np.flatnonzero(sensors == one) for one in np.unique(sensors))
+        return np.sort(np.concatenate([one[_in_order(time[one])] for one in mine]))
+    resets = [
+        k
+        for k in back[(back >= _FEW) & (back <= time.size - _FEW)].tolist()
+        if np.median(time[max(k - _BLOCK, 0) : k]) > np.median(time[k : k + _BLOCK])
+    ]
+    edges = pairwise([0, *resets, time.size])
+    return np.concatenate([start + _longest(time[start:stop]) for start, stop in edges])
+
+
+def _longest(time: _Times) -> NDArray[np.intp]:
+    """Return the most messages, (n_kept,), whose stamps, of (n_time,) s, don't go back.
+
+    As in patience: `ends` are the least stamps that one, two, ... messages in a row end with.
+    """
+    ends, last, before = list[float](), list[int](), np.empty(time.size, np.intp)
+    for k, stamp in enumerate(time.tolist()):
+        count = bisect_right(ends, stamp)
+        before[k] = last[count - 1] if count else -1
+        ends[count : count + 1], last[count : count + 1] = [stamp], [k]
+    kept = last[-1:]
+    while before[kept[-1]] >= 0:
+        kept.append(int(before[kept[-1]]))
+    return np.array(kept[::-1])
+
+
+def _drop_wild(values: NDArray[np.float64], rounds: int) -> None:
+    """Set numbers, (n_message,), NaN that can't be, and those that stick out in so many `rounds`.
+
+    These are spikes, and what is alone other than two before and two after it, which are the same.
+    """
+    size = np.abs(values)
+    if not np.max(size, initial=0.0) < _WILD:
+        values[~(size < _WILD * (1.0 + np.nanmedian(np.append(size, 0.0))))] = np.nan
+    for _ in range(rounds):
+        known = np.flatnonzero(np.isfinite(values))
+        one = values[known]
+        rests = (one[:-4] == one[1:-3]) & (one[1:-3] == one[3:-1]) & (one[3:-1] == one[4:])
+        out = spikes(one)
+        out[2:-2] |= rests & (one[2:-2] != one[1:-3])
+        values[known[out]] = np.nan
+        if not out.any():
+            break
+
+
 class Table:
     """Messages of one type, in the file's order; `table["R"]` is a column, (n_message,).
 
@@ -172,9 +238,11 @@ class LogText(NamedTuple):
 
 
 class DataFlash:
-    """An ArduPilot log; `skipped` bytes belong to no whole message.
+    """An ArduPilot log; `skipped` bytes belong to no whole message, the last `cut_off` of them.
 
-    Raises StorageError if it can't be read, holds no message, or is text.
+    `strays` is type -> messages that are left out for their stamp. Logs joined one after the other
+    (`joined` tells) are one, each later than that before. Raises StorageError if it can't be read,
+    holds no message, or is text.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
@@ -188,6 +256,11 @@ class DataFlash:
         self._types = {layout.name: (layout, places) for layout, places in found if places.size}
         if not self._types:
             raise StorageError(f"{path}: no DataFlash message in its {self.size} bytes")
+        ends = [layout.length + places[-1] for layout, places in self._types.values()]
+        self.cut_off = self.size - int(max(ends))
+        self.joints, self.strays = self._joints(), Counter[str]()
+        self._times = dict[str, _Times]()
+        self._put_in_order()
         self.types = tuple(self._types)
 
     def __contains__(self, name: object) -> bool:
@@ -218,6 +291,8 @@ class DataFlash:
 
     def time(self, name: str, places: _Places) -> NDArray[np.float64]:
         """Return when messages were written, (n_message,) s; NaN without a clock."""
+        if name in self._times:
+            return self._times[name][np.searchsorted(self._types[name][1], places)]
         clock = self._layout(name).clock
         if clock is not None:
             return self._stored(name, places, clock) / _CLOCKS[clock]
@@ -228,7 +303,10 @@ class DataFlash:
         return np.where(before < 0, np.nan, self.time(_TIMES, ticks)[before])
 
     def column(self, name: str, places: _Places, field: str) -> Column:
-        """Return a field of messages, (n_message,), in its unit. Raises StorageError."""
+        """Return a field of messages, (n_message,), in its unit; NaN where it can't be.
+
+        Raises StorageError.
+        """
         stored, one = self._stored(name, places, field), self._layout(name).fields[field]
         if one.kind.kind == "S":
             return stored
@@ -239,6 +317,8 @@ class DataFlash:
             divisor, factor = divisor * float(f"{1.0 / factor:.15g}"), 1.0
         with np.errstate(over="ignore", invalid="ignore"):
             values = stored.astype(np.float64) / divisor * factor
+        if one.kind.kind == "f" or self.damaged:
+            _drop_wild(values, _ROUNDS * self.damaged)
         values.flags.writeable = False
         return values
 
@@ -250,8 +330,26 @@ class DataFlash:
     @cached_property
     def begins(self) -> float:
         """The first stamp of any type, s; 0 without a clock."""
-        stamps = [self.time(name, places[:1])[0] for name, (_, places) in self._types.items()]
+        stamps = [time[0] for time in self._times.values() if time.size]
         return float(min((one for one in stamps if one == one), default=0.0))
+
+    @property
+    def damaged(self) -> bool:
+        """Whether bytes were changed, not only cut off at the end."""
+        return self.skipped > self.cut_off or self.strays.total() > 0
+
+    @property
+    def damage(self) -> str:
+        """What can't be read, as a sentence; empty of a sound log, and of one that was cut off."""
+        if not self.damaged:
+            return ""
+        most = [f"{count} of {name}" for name, count in self.strays.most_common(3) if count]
+        said = f"{self.strays.total()} messages ({', '.join(most)}) have stamps that don't fit; "
+        return (
+            f"{100.0 * self.skipped / self.size:.3g} % of the log ({self.skipped} of {self.size} "
+            f"bytes) is no whole message; {said if most else ''}the log is damaged: these are left "
+            "out, numbers that can't be are missing, and parameters may be wrong; copy it anew"
+        )
 
     def parameters(self, at: float | None = None) -> dict[str, float]:
         """Return the parameters at an instant, s since power-on; by default the last ones.
@@ -304,6 +402,55 @@ class DataFlash:
             },
             self._findings(),
         )
+
+    def _joints(self) -> dict[int, str]:
+        """Return where each of several joined logs begins -> why it is left out, "" if it isn't.
+
+        The FMT message of FMT itself is the first of a log.
+        """
+        fmts = self._types["FMT"][1] if "FMT" in self else np.zeros(0, np.int64)
+        data, first = self._bytes(), min(int(places[0]) for _, places in self._types.values())
+        begins = fmts[(data[fmts + _HEADER] == _FMT_NUMBER) & (fmts > first)].tolist()
+        joints, forms, seen = {first: ""}, dict[int, bytes](), set[int]()
+        for start, stop in pairwise([first, *begins, self.size] if begins else ()):
+            mine = fmts[(fmts >= start) & (fmts < stop)].tolist()
+            texts = [data[at : at + _FMT.size].tobytes() for at in mine]
+            other = [one for one in texts if forms.setdefault(one[_HEADER], one) != one]
+            joints[start] = f"its {_text(other[0][5:9])} has other fields" if other else ""
+            whole = hash(data[start:stop].tobytes())
+            joints[start] = "the same as one before" if whole in seen else joints[start]
+            seen.add(whole)
+        return joints
+
+    def _put_in_order(self) -> None:
+        """Leave out messages whose stamps can't be; let joined logs go on one after the other."""
+        raw = {name: self.time(name, places) for name, (_, places) in self._types.items()}
+        found: dict[str, list[tuple[_Places, _Times]]] = {name: [] for name in raw}
+        end = -np.inf
+        for start, stop in pairwise([*self.joints, self.size]):
+            part = dict[str, tuple[_Places, _Times]]()
+            for name, (_, places) in self._types.items():
+                mine = slice(*np.searchsorted(places, (start, stop)))
+                mine = slice(0, 0) if self.joints[start] else mine
+                back = np.any(np.diff(raw[name][mine]) < 0.0)
+                which = self._which(name) if back else None
+                kept = _in_order(raw[name][mine], None if which is None else which[mine])
+                self.strays[name] += int(mine.stop - mine.start - kept.size)
+                part[name] = places[mine][kept], raw[name][mine][kept]
+            long = [time[time == time] for _, time in part.values()]
+            long = [time for time in long if time.size >= _FEW]
+            first = min((float(np.median(time[:3])) for time in long), default=-np.inf)
+            last = max((float(np.median(time[-3:])) for time in long), default=np.inf)
+            later = max(end + _REST - first, 0.0) if long else 0.0
+            end = last + later
+            for name, (places, time) in part.items():
+                near = ~((time < first - _APART) | (time > last + _APART))
+                self.strays[name] += int(np.count_nonzero(~near))
+                found[name].append((places[near], time[near] + later))
+        for name, parts in found.items():
+            places, time = map(np.concatenate, zip(*parts))
+            self._types[name], self._times[name] = (self._types[name][0], places), time
+        self._types = {name: one for name, one in self._types.items() if one[1].size}
 
     def _bytes(self) -> NDArray[np.uint8]:
         try:
@@ -371,11 +518,18 @@ class DataFlash:
     def _findings(self) -> list[LogFinding]:
         lost = [layout.lost for layout, _ in self._types.values() if layout.lost]
         dropped = max((int(count) for _, count in self._rows("DSF", Dp=False)), default=0)
-        skipped = f"{self.skipped} of {self.size} bytes belong to no whole message"
         fewer = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
+        cut_off = f"its last {self.cut_off} of {self.size} bytes are no whole message"
+        corrupt = self.damage or cut_off * (self.skipped > 0)
+        logs = [f"byte {at}{why and f' ({why}: left out)'}" for at, why in self.joints.items()]
+        kind = "corruption" if self.damage else "cut off"
+        joined = (
+            f"{self.path}: {len(logs)} logs are joined, one after the other, from {', '.join(logs)}"
+        )
         return [
+            *([LogFinding(kind, f"{self.path}: {corrupt}")] if corrupt else ()),
+            *([LogFinding("joined", joined)] if len(self.joints) > 1 else ()),
             *(LogFinding("format", text) for text in lost),
-            *([LogFinding("corruption", skipped)] if self.skipped else ()),
             *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
         ]
 

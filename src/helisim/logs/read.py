@@ -248,11 +248,13 @@ def from_source(
         used = {*(taken.heading for one in samples for taken in one.taken), *origins}
         unused = tuple(name for name in source.names if name not in used)
         longest = max(one.time.size for one in samples)
-        head = (str(source.path), source.format, digest, source.counts, longest)
+        head = (str(source.path), source.format, digest, samples[0].counts, longest)
         made, origin = made_by("log reader"), next(iter(origins.values()))
         return _assembled(head, samples, unused, origin, options, findings, made)
     except HelisimError as error:
         findings.refuse_error(source.path, error)
+        damage = [one for one in source.findings if one.kind == "corruption"]
+        findings.refused = list(dict.fromkeys([*damage, *findings.refused]))
         findings.check()
         raise
 
@@ -275,7 +277,7 @@ def _samples(
         origins[heading] = origin
         taken, values = tuple(one for one, _ in pairs), np.column_stack([one for _, one in pairs])
         rows = source.rows(clock)
-        read = Samples(source.path, source.counts, rows, stamps, values, taken, heading)
+        read = Samples(source.path, source.row_of(clock), rows, stamps, values, taken, heading)
         if map_.time is None or map_.time.rate is None:
             check_unit_of_time(read, findings)
         read = within(read, options.limits, findings)
@@ -368,12 +370,7 @@ def _assembled(
 def _tidied(
     samples: tuple[Samples, ...], options: Options, findings: Findings
 ) -> list[tuple[Samples, ...]]:
-    in_time = [in_order(one, options, findings) for one in samples]
-    if len(samples) > 1 and any(len(stretches) > 1 for stretches in in_time):
-        raise RecordError(
-            f"{samples[0].path}: its channels have {len(samples)} clocks and one was reset, so "
-            "they can't be matched after it: cut the log there, or map channels of one topic"
-        )
+    in_time = [in_order(one, options, findings, len(samples)) for one in samples]
     found = []
     for stretch in zip(*in_time):
         found.append(tuple(without_duplicates(one, options, findings) for one in stretch))
@@ -391,8 +388,8 @@ def _unwrapped(samples: Samples, findings: Findings) -> Samples:
             values[known, k] = np.unwrap(values[known, k])
             rows = tuple(samples.rows[known[turns + 1]].tolist())
             text = (
-                f"column {heading!r}: goes around {turns.size} times, the first in "
-                f"{samples.counts} {rows[0]}; made continuous"
+                f"column {heading!r}: steps by a full turn {turns.size} times, as angles do that "
+                f"pass their end, the first in {samples.counts} {rows[0]}; made continuous"
             )
             findings.note("angle wraps", text, turns.size, rows, repaired=True)
     return replace(samples, values=values)

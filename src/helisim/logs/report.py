@@ -102,10 +102,10 @@ class Part:
 class LogReport(Value):
     """How a log became records, with all that was changed.
 
-    `counts` is "line" of the file from 1, or "row" from 0; `digest` is BLAKE2 of the file; `origin`
-    is the first stamp as the log has it; `step` is the least, median and most time between samples,
-    s. `resampled_hz` is None if not resampled; the anti-alias filter changes nothing to
-    `passband_hz`.
+    `counts` is "line" of the file from 1, or "row" from 0, such as "RATE row" of a topic; `digest`
+    is BLAKE2 of the file; `origin` is the first stamp as the log has it; `step` is the least,
+    median and most time between samples, s. `resampled_hz` is None if not resampled; the anti-alias
+    filter changes nothing to `passband_hz`.
     """
 
     path: str

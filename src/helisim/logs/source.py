@@ -85,9 +85,13 @@ class Source(ABC):
             raise RecordError(f"{where}: {values[infinite[0]]} is not finite")
         return values
 
+    def row_of(self, clock: str) -> str:
+        """Return what a row of a clock's samples is called."""
+        return self.counts
+
     def place(self, clock: str, k: int, column: str | None = None) -> str:
         """Return the place of a clock's sample k, for a message."""
-        return place(self.path, self.counts, int(self.rows(clock)[k]), column)
+        return place(self.path, self.row_of(clock), int(self.rows(clock)[k]), column)
 
     @abstractmethod
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
@@ -131,6 +135,10 @@ class Topics(Source):
     def rows(self, clock: str) -> NDArray[np.int64]:
         """Return the numbers of a topic's messages, (n_time,)."""
         return np.arange(self._clock(clock).size)
+
+    def row_of(self, clock: str) -> str:
+        """Return what a row is called: that of a topic."""
+        return f"{clock} row"
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
         """Return seconds since the log's first stamp (n_time,), that stamp, and the clock."""

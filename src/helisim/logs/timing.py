@@ -154,8 +154,13 @@ def check_unit_of_time(samples: Samples, findings: Findings) -> None:
     findings.refuse("unit of time", text, remedy=Option("time", f"{samples.clock}:{right}"))
 
 
-def in_order(samples: Samples, options: Options, findings: Findings) -> tuple[Samples, ...]:
-    """Return stretches of increasing time, several where a clock was reset. Raises RecordError."""
+def in_order(
+    samples: Samples, options: Options, findings: Findings, clocks: int = 1
+) -> tuple[Samples, ...]:
+    """Return stretches of increasing time, several where a clock was reset. Raises RecordError.
+
+    A reset is refused where the channels have several `clocks`: they can't be matched after it.
+    """
     time = samples.time
     wild = np.flatnonzero(~(np.abs(time) < _LONGEST))
     if wild.size:
@@ -170,9 +175,14 @@ def in_order(samples: Samples, options: Options, findings: Findings) -> tuple[Sa
         f"time goes back from {time[back[0] - 1]:.9g} to {time[back[0]]:.9g} s after the start "
         f"({back.size} times in all)"
     )
-    done = "split there" if "resets" in options.repair else None
+    done = "split there" if "resets" in options.repair and clocks == 1 else None
     advice = "split the log where its clock was reset with the repair 'resets', or sort its rows"
-    samples.report(findings, "reset", back, what, done, advice, "repair=resets")
+    several = (
+        f"the {clocks} clocks of the channels can't be matched after it: cut the log there, or "
+        "take channels of one topic"
+    )
+    said = (advice, "repair=resets") if clocks == 1 else (several, "channel")
+    samples.report(findings, "reset", back, what, done, *said)
     return tuple(samples.take(slice(a, b)) for a, b in pairwise([0, *back.tolist(), time.size]))
 
 

@@ -56,6 +56,7 @@ _NAMES = {
     "DataFlash": (
         ("RATE.{}", "R P Y", RATES, "deg/s", "+++"),
         ("IMU.Gyr{}", "X Y Z", RATES, "rad/s", "+++"),
+        ("ANG.{}", "Roll Pitch Yaw", ATTITUDES, "deg", "+++"),
         ("ATT.{}", "Roll Pitch Yaw", ATTITUDES, "deg", "+++"),
         ("IMU.Acc{}", "X Y Z", ACCELERATIONS, "m/s^2", "+++"),
         ("XKF1.{}", "PN PE PD", POSITIONS, "m", "+++"),

@@ -15,7 +15,7 @@ from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.sweeps import FlownSweep, sweeps, usual_step, within
+from helisim.look.sweeps import DAMAGE, FlownSweep, sweeps, usual_step, within
 from helisim.records.missing import completed, in_gaps, told
 from helisim.records.record import Channel, FlightRecord
 
@@ -83,6 +83,7 @@ def flown_loops(
     for path in map(Path, paths):
         log = open_dataflash(path, file_digest(path))
         mine = within(sweeps(log, "axis,injected,total,channel"), start, stop)
+        remarks += [one.text for one in log.source.findings if one.kind in DAMAGE]
         remarks += filter(None, map(_cuts_none, mine))
         used = flown[str(path)] = tuple(one for one in mine if not _cuts_none(one))
         records += _records(log, used, remarks) if used else ()
@@ -136,7 +137,7 @@ def _cuts_none(sweep: FlownSweep) -> str:
 def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> list[FlightRecord]:
     """Return a record of each sweep, and extend the remarks. Raises LogError."""
     if "RATE" not in log:
-        raise LogError(f"{log.path}: no RATE messages beside the sweeps: {_SET}")
+        raise LogError(f"{log.path}: no RATE messages beside the sweeps: {log.damage or _SET}")
     rate = log.table("RATE")
     spans = [(one.start + log.begins, one.stop + log.begins) for one in used]
     period, lost = usual_step(rate.time, spans)
@@ -207,8 +208,9 @@ def _returned(
 
 
 def _line(stamps: Real, values: Any) -> Line:
-    stamps, first = np.unique(stamps, return_index=True)
-    return stamps, np.asarray(values, np.float64)[first]
+    known = np.flatnonzero(np.isfinite(values))
+    stamps, first = np.unique(stamps[known], return_index=True)
+    return stamps, np.asarray(values, np.float64)[known[first]]
 
 
 def _between(stamps: Real, values: Real, time: Real) -> Real:

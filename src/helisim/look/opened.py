@@ -113,14 +113,14 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
         findings.refuse("channels", text, remedy=Option("channel", "NAME=COLUMN:UNIT"))
     found = LogLook(str(path), source.format, shown, seen, unused)
     if not moving or not clocks:
-        return replace(found, findings=(*findings.refused, *findings))
+        return replace(found, findings=(*findings, *findings.refused))
     wanted = replace(map_, channels={name: one.column for name, one in moving.items()})
     fastest = min(max(one.rate for one in shown), _FASTEST) if len(used) > 1 else None
     records, said, taken = _read(path, wanted, options, fastest)
     return replace(
         found,
         records=records,
-        findings=(*findings.refused, *said),
+        findings=tuple(dict.fromkeys((*source.findings, *findings.refused, *said))),
         options=(*_written(map_), *taken),
     )
 

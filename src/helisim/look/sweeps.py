@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from helisim.base.arrays import Real
 from helisim.base.errors import LogError
@@ -19,6 +20,7 @@ from helisim.logs.source import file_digest
 from helisim.records.record import Channel
 
 Spans = Sequence[tuple[float, float]]
+DAMAGE = ("corruption", "cut off", "joined")  # kinds of findings on the bytes of a log
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,8 @@ def sweeps(
     if "SIDD" not in log or not set(_FIELDS) <= set(log.table("SIDD").columns):
         flown = "MODE" in log and np.any(log.table("MODE")["Mode"] == _MODE)
         said = "the mode SystemID was flown, but no SIDS and SIDD messages are in the log"
+        if log.damage:
+            raise LogError(f"{log.path}: {log.damage}; no SIDD messages are in what can be read")
         raise LogError(
             f"{log.path}: {said if flown else 'no SystemID messages (SIDS, SIDD) in the log'}; "
             "fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, or "
@@ -170,16 +174,21 @@ def sweeps(
         [data.time, *(np.asarray(data[name], np.float64) for name in _FIELDS)]
     )
     ended, found = _ends(log), []
-    for part in np.split(columns, np.flatnonzero(np.diff(columns[:, 1]) < 0.0) + 1):
+    columns = columns[np.all(np.isfinite(columns), axis=1)]
+    begun = columns[:, 0] - columns[:, 1]
+    if begun.size:  # medians of five: one wrong number begins no sweep
+        begun = np.median(sliding_window_view(np.pad(begun, 2, "edge"), 5), axis=1)
+    for part in np.split(columns, np.flatnonzero(np.abs(np.diff(begun)) > 0.5 * _DELAY) + 1):
+        start = float(np.median(part[:, 0] - part[:, 1])) if part.size else 0.0
+        part = part[np.abs(part[:, 0] - part[:, 1] - start) < 0.5 * _DELAY]
         time, rows = part[:, 0], part[:, 1:]
-        start = float(np.median(time - rows[:, 0])) if time.size else 0.0
-        setup = _setup(log, start, rows)
-        if time.size > 1 and setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
+        setup = _setup(log, start, rows) if time.size > 1 else {"FSt": 0.0}
+        if setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
             found.append(_sweep(log, start, setup, time, rows[:, 1], ended))
     if not found:
         raise LogError(
-            f"{log.path}: it has SIDD messages, and neither SIDS nor another says which axis they "
-            "are of; log from before the mode SystemID is chosen"
+            f"{log.path}: {log.damage and f'{log.damage}; '}it has SIDD messages, and neither SIDS "
+            "nor another says which axis they are of; log from before the mode SystemID is chosen"
         )
     return tuple(found)
 

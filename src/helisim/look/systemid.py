@@ -27,7 +27,7 @@ from helisim.logs.report import Log
 from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
 from helisim.logs.timing import Options
-from helisim.look.sweeps import FlownSweep, SidAxis, Spans, sweeps, usual_step, within
+from helisim.look.sweeps import DAMAGE, FlownSweep, SidAxis, Spans, sweeps, usual_step, within
 from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
@@ -45,7 +45,7 @@ _FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
 _SIDE = "v_dot"
 _SIDE_OF = ("ay", "phi", "p", "r")  # channels that side acceleration is made of
 _SIDE_WHY = "side acceleration of the centre of gravity, ay + g sin(phi) less the lever arm's"
-_REPAIRS = frozenset({"gaps", "duplicates"})  # faults of a logger under load
+_REPAIRS = frozenset({"gaps", "duplicates", "missing"})  # faults of a logger, or of bytes
 _OUTPUT = "the mixer's command on this axis, the sweep in it; 1 is its full travel"
 _THROTTLE = "throttle that the mixer is given, the sweep in it, 0 to 1, about its middle"
 _SENT_WHY = (
@@ -173,6 +173,7 @@ class InferredLog:
     """A log with SystemID's messages; `dropped` is the share lost during sweeps.
 
     `conditions` are the commands' full travel, and the hover in which sweeps were flown.
+    `findings` tell of damage, and of several logs in one.
     """
 
     path: str
@@ -183,6 +184,7 @@ class InferredLog:
     parameters: FrozenMap[str, float] = field(repr=False)
     dropped: float
     conditions: Conditions = field(default_factory=Conditions)
+    findings: tuple[str, ...] = ()
 
     @property
     def used(self) -> tuple[FlownSweep, ...]:
@@ -461,6 +463,7 @@ def _inferred(
         parameters=FrozenMap(parameters),
         dropped=usual_step(log.table("SIDD").time, spans)[1],
         conditions=_conditions(log, channels, spans),
+        findings=tuple(one.text for one in log.source.findings if one.kind in DAMAGE),
     )
 
 
@@ -513,9 +516,9 @@ def _chosen_channels(
     sent = tail_servo(log.parameters())
     known = [(name, column, "given") for name, column in given.items()]
     for name, column, given_in, why in _CANDIDATES:
-        message, _, field = column.partition(".")
+        message = column.partition(".")[0]
         fast = message in log and rate(message) >= _FAST * rate("SIDD")
-        if fast and field in log.table(message).columns:
+        if fast and column in log.source.names:
             if sent and column == _YAW:
                 column, why = _SENT, _SENT_WHY.format(*sent)
             known.append((name, Column(column, given_in, trim=_MIDDLE.get(name)), why))
@@ -526,7 +529,8 @@ def _chosen_channels(
         )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
-            f"{log.path}: no RATE messages beside the sweeps, which say what the mixer was "
+            f"{log.path}: {log.damage and f'{log.damage}; '}no RATE messages beside the sweeps, "
+            "which say what the mixer was "
             "commanded; set LOG_BITMASK's bits 0 and 1, or say which columns the commands are",
             remedy=Option("channel", "lat=COLUMN:UNIT"),
         )
@@ -577,7 +581,7 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
     yawed = any(one.sid_axis.control == "ped" for one in log.used)
     notes = (
         (
-            log.dropped > _DROPPED,
+            log.dropped > _DROPPED and not log.findings,
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "
             "sweeps were flown; they count as missing, and errors hold what that costs: log fewer "
             "messages (LOG_BITMASK), or with a larger buffer (LOG_FILE_BUFSIZE)",
@@ -604,7 +608,7 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
             "gravity: if it sits ahead of it, N_r comes out too large by that over the tail's arm",
         ),
     )
-    return [text for holds, text in notes if holds]
+    return [*log.findings, *(text for holds, text in notes if holds)]
 
 
 def estimate_fits(

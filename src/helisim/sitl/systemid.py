@@ -8,9 +8,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from helisim.base.errors import AutopilotError, InputError
+from helisim.base.errors import AutopilotError, InputError, item_of
 from helisim.base.settings import check, setting
-from helisim.handling.loop import axis_of
 from helisim.sitl.pilot import Hold, Pilot, Steps
 
 HEIGHT = 50.0  # m, where sweeps are flown, far from the ground's effect
@@ -20,6 +19,7 @@ _FARTHEST = 30.0  # m from its beginning, at which a sweep is ended
 _FADES = (5.0, 2.0)  # s, in and out
 
 # Axis -> SID_AXIS of a sweep on the mixer's command, and its usual magnitude.
+_OTHER_NAMES = {"lat": "roll", "lon": "pitch", "ped": "yaw", "col": "thrust", "heave": "thrust"}
 AXES = {"roll": (10, 0.06), "pitch": (11, 0.06), "yaw": (12, 0.07), "thrust": (13, 0.06)}
 
 
@@ -28,7 +28,7 @@ class Sweep:
     """One sweep of SystemID, added to the mixer's command, whose full is 1; frequencies in Hz."""
 
     axis: str = setting(choices=AXES)
-    magnitude: float = setting(above=0.0)
+    magnitude: float = setting(above=0.0, high=1.0)
     start_hz: float = setting(0.2, unit="Hz", above=0.0)
     stop_hz: float = setting(12.0, unit="Hz", high=100.0)
     seconds: float = setting(90.0, unit="s", high=255.0)
@@ -67,8 +67,8 @@ def sweeps(axes: Sequence[str], **changes: float) -> list[Sweep]:
     """Return usual sweeps of axes, with changed fields. Raises UnknownNameError, InputError."""
     if not axes:
         raise InputError(f"no axis is swept; expected some of {', '.join(AXES)}")
-    words = (axis if axis in AXES else axis_of(axis).word for axis in axes)
-    names = [word.replace("heave", "thrust") for word in words]
+    known = {**{name: name for name in AXES}, **_OTHER_NAMES}
+    names = [item_of(known, axis, "axis") for axis in axes]
     return [replace(Sweep(name, AXES[name][1]), **changes) for name in names]
 
 
