@@ -7,6 +7,7 @@ Sources: ArduPilot, "Downloading and analyzing data logs", and AP_Logger's READM
 PX4, sdlog2_format.h and sdlog2_messages.h.
 """
 
+import math
 import re
 import struct
 from collections.abc import Callable, Mapping
@@ -39,6 +40,9 @@ _ROWS = 20_000  # messages that are read at a time
 _CLOCKS: Mapping[str, float] = {"TimeUS": 1e6, "TimeMS": 1e3, "StartTime": 1e6}
 _TIMES = "TIME"  # message of sdlog2 with the time of those after it, StartTime
 SDLOG2 = "sdlog2"
+# AutoTune's own messages. While it tests it writes RATE and PIDs, ahead of those of the loop.
+_AUTOTUNE = {"ATUN", "ATDE", "ATNH", "ATDH", "ATSH"}
+_TWICE = re.compile("RATE|PID.")
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
 # Letter -> kind of number, and its divisor; arrays are passed over.
 _LETTERS: dict[str, tuple[str, float]] = {
@@ -203,7 +207,16 @@ class DataFlash:
         which, places = self._which(name), self._types[name][1]
         if instance not in self.instances(name):
             raise UnknownNameError(f"instance of {name}", instance, map(str, self.instances(name)))
-        return Table(self, name, places if which is None else places[which == instance])
+        places = places if which is None else places[which == instance]
+        return Table(self, name, self._last_of_ticks(name, places))
+
+    def _last_of_ticks(self, name: str, places: _Places) -> _Places:
+        """Return the last message of each tick of types that AutoTune writes besides the loop."""
+        if not (_TWICE.fullmatch(name) and _AUTOTUNE & self._types.keys()):
+            return places
+        half = 0.5 / self.parameters().get("SCHED_LOOP_RATE", math.inf)
+        step = np.diff(self.time(name, places), append=math.inf)
+        return places[~((step >= 0.0) & (step <= half))]
 
     def fields(self, name: str) -> dict[str, _Field]:
         """Return the fields of a type but its clock. Raises UnknownNameError."""
@@ -373,10 +386,18 @@ class DataFlash:
         dropped = max((int(count) for _, count in self._rows("DSF", Dp=False)), default=0)
         skipped = f"{self.skipped} of {self.size} bytes belong to no whole message"
         fewer = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
+        own = sorted(_AUTOTUNE & self._types.keys())
+        ends = [self.time(name, self._types[name][1][[0, -1]]) - self.begins for name in own]
+        tested = (
+            f"AutoTune tested from {np.min(ends, initial=np.inf):.1f} to "
+            f"{np.max(ends, initial=0.0):.1f} s ({', '.join(own)}), and wrote RATE and PIDs twice "
+            "a tick: of those the last is taken"
+        )
         return [
             *(LogFinding("format", text) for text in lost),
             *([LogFinding("corruption", skipped)] if self.skipped else ()),
             *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
+            *([LogFinding("autotune", tested)] if own else ()),
         ]
 
 
