@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.signal import butter, lfilter
 
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.look.sweeps import SID_AXES
@@ -66,37 +67,63 @@ class Flown(SidLog):
         row = COMMANDS.index(SID_AXES[axis].control)
         time = np.arange(2800) / RATE
         swept, frequency = chirp(time - 1.0, **SWEEP)
-        targ, law = np.where(time < 1.0, 0.0, 0.05 * swept), self._law
-        (a, b, c), state, inner, drift = plant(), np.zeros(9), np.zeros(len(law.a)), np.zeros(2)
-        rows, added = [], 0.0
-        for k in range(time.size):
-            asked = np.array([*(-self._pilot * drift), 0.0])
+        targ = np.where(time < 1.0, 0.0, 0.05 * swept)
+        rows = self._rolled(np.outer(targ, np.eye(3)[row]), np.zeros((time.size, 3)))
+        self._write(axis, time, targ, frequency, rows)
+        return self
+
+    def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False):
+        """Fly 24 steps of each stick, rad or rad/s, and write what is logged, `twice` a tick."""
+        random = np.random.default_rng(3)
+        asked = [np.zeros((500, 3))]
+        for k in (k for row in axes for k in [row] * 24):
+            step = size * random.uniform(0.7, 1.3) * (-1.0) ** len(asked)
+            asked += [np.tile(step * np.eye(3)[k], (random.integers(60, 160), 1))]
+            asked += [np.zeros((random.integers(60, 120), 3))]
+        asked = np.vstack([*asked, np.zeros((500, 3))])
+        b, a = butter(1, 0.5, fs=RATE)
+        pushed = gusts * lfilter(b, a, random.standard_normal(asked.shape), axis=0)
+        rows = self._rolled(pushed, asked, logged=False)
+        self._write(None, np.arange(len(asked)) / RATE, None, None, rows, twice)
+        return self
+
+    def _rolled(self, adds, asks, logged=True):
+        """Return commands, those of the law, motion and aims, of added commands and sticks."""
+        (a, b, c), law = plant(), self._law
+        state, inner, drift = np.zeros(9), np.zeros(len(law.a)), np.zeros(2)
+        rows, added = [], np.zeros(3)
+        for add, stick in zip(adds, asks):
+            asked = stick + np.array([*(-self._pilot * drift), 0.0])
             seen = np.concatenate([c @ state, asked, np.zeros(len(law.b[0]) - 9)])
             back = law.c @ inner + law.d @ seen
             inner = law.a @ inner + law.b @ seen
-            total = back.copy()
-            total[row] += added
-            added = targ[k]
-            rows.append([*total, *back, *(c @ state), *inner[15:18]])
-            state = a @ state + b @ total
+            rows.append([*(back + logged * added), *back, *(c @ state), *inner[15:18]])
+            state = a @ state + b @ (back + added)
+            added = add
             drift += (c @ state)[3:5] / RATE
-        self._write(axis, time, targ, frequency, np.array(rows).T)
-        return self
+        return np.array(rows).T
 
-    def _write(self, axis, time, targ, frequency, rows):
+    def _write(self, axis, time, targ, frequency, rows, twice=False):
         total, back, rates, angles, aims = np.split(rows, [3, 6, 9, 12])
         begun, zero = self._now, np.zeros(time.size)
         length, low = SWEEP["length"], SWEEP["low"]
-        self.write(
-            4, self.us, axis, np.abs(targ).max(), low, SWEEP["high"], 1.0, 2.0 / low,
-            length, 1.0,
-        )  # fmt: skip
-        self.mode(25)
+        if axis is None:
+            self.mode(0)
+        else:
+            self.write(
+                4, self.us, axis, np.abs(targ).max(), low, SWEEP["high"], 1.0, 2.0 / low,
+                length, 1.0,
+            )  # fmt: skip
+            self.mode(25)
         degrees = np.degrees(rates)
         turned = np.degrees([x for pair in zip(aims, angles) for x in pair])
         sent = [x for r, u in zip(degrees, total) for x in (zero, r, u)]
         written = [
-            (5, [time, targ, frequency, *degrees, zero, zero, zero - 9.8]),
+            *(
+                [(5, [time, targ, frequency, *degrees, zero, zero, zero - 9.8])]
+                * (axis is not None)
+            ),
+            *([(6, [one + 1.0 for one in sent] + [zero] * 3)] * twice),
             (6, [*sent, zero, zero, zero + 0.5]),
             (7, [*turned]),
             *(

@@ -5,11 +5,13 @@ import pytest
 
 from command import fails, parm_file
 from flown_copter import LAW, PARAMETERS, Flown, Plant
+from helisim.base.errors import LogError
 from helisim.cli import main
 from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins, rejection
-from helisim.sitl.gains import STANDARD
+from helisim.look import look
+from helisim.sitl.gains import STANDARD, holds
 from helisim.study.log_tune import tune_log
 
 
@@ -88,3 +90,36 @@ def test_gains_that_are_as_good_already_stay(tuned, tmp_path):
     (one,) = again.axes
     assert one.why == "today's gains are as good within the margins"
     assert not again.changes
+
+
+@pytest.mark.parametrize("gusts", [0.0, 0.003])
+def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts):
+    """The exact feed-forward and crossover lie within the intervals, half of one more in gusts."""
+    found = tune_log(Flown().steps(gusts=gusts).save(tmp_path))
+    for one in found.axes:
+        fed, exact_loop = one.today["flown_FF"], exact(LAW, one.axis)
+        off = abs(fed.value - holds(Plant(), one.axis))
+        assert off < fed.high - fed.low
+        assert off < (0.02, 0.08)[gusts > 0.0] * (fed.value + 0.1)
+        cut = one.today["crossover"]
+        assert abs(cut.value - exact_loop["crossover"]) < cut.high - cut.low
+        assert not one.tuned
+    assert {one.name[-3:] for one in found.changes} <= {"_FF"}
+
+
+def test_what_moves_too_little_is_told_with_what_to_fly(tmp_path, capsys):
+    """Of yaw nothing is known where its stick is at rest; without any step there is no answer."""
+    still = Flown().steps(size=0.0).save(tmp_path)
+    with pytest.raises(LogError, match="no target of attitude"):
+        tune_log(still)
+    assert fails(capsys, "tune", still, "--quiet")
+
+
+def test_of_rows_that_autotune_writes_twice_a_tick_the_last_is_taken(tmp_path):
+    log = Flown()
+    log.define(15, "ATDH", "Qf", "TimeUS,Cmd", units="s-", multipliers="F-")
+    log.write(15, log.us, 0.1)
+    path = log.steps(twice=True).save(tmp_path)
+    once = tune_log(Flown().steps().save(tmp_path, "once.bin"))
+    assert tune_log(path).parameters.values == once.parameters.values
+    assert any("AutoTune tested from" in one.text for one in look(path).logs[0].findings)

@@ -162,12 +162,13 @@ def tune(o: Options) -> int:
     """Find better gains, of an autopilot from its log, or of the gyro.
 
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
-    ones will, with 95 % intervals, and write those as parameters. Without a log: solve for the
+    ones will, with 95 % intervals, and write those as parameters. From logs without sweeps:
+    feed-forward and today's loops, by stick steps or AutoTune's tests. Without a log: solve for the
     gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
     or the rate command of its parameters; print the loops' margins.
 
     Options:
-        logs LOG <any>  of ArduCopter-heli with sweeps by its mode SystemID, .bin
+        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID
         --out FILE <.param .parm =tuned.param>  the new gains (default: tuned.param)
         --report FILE <.html>  page on the flight, .html
         @json: of logs, what was found

@@ -7,6 +7,7 @@ Sources: ArduPilot, "Downloading and analyzing data logs", and AP_Logger's READM
 PX4, sdlog2_format.h and sdlog2_messages.h.
 """
 
+import math
 import re
 import struct
 from bisect import bisect_right
@@ -43,6 +44,9 @@ _ROWS = 20_000  # messages that are read at a time
 _CLOCKS: Mapping[str, float] = {"TimeUS": 1e6, "TimeMS": 1e3, "StartTime": 1e6}
 _TIMES = "TIME"  # message of sdlog2 with the time of those after it, StartTime
 SDLOG2 = "sdlog2"
+# AutoTune's own messages. While it tests it writes RATE and PIDs, ahead of those of the loop.
+_AUTOTUNE = {"ATUN", "ATDE", "ATNH", "ATDH", "ATSH"}
+_TWICE = re.compile("RATE|PID.")
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
 _BLOCK = 16  # messages on either side of a clock's reset, whose medians go back
 _FEW = 9  # messages that tell a reset from a wrong stamp, and when a log began and ended
@@ -276,7 +280,16 @@ class DataFlash:
         which, places = self._which(name), self._types[name][1]
         if instance not in self.instances(name):
             raise UnknownNameError(f"instance of {name}", instance, map(str, self.instances(name)))
-        return Table(self, name, places if which is None else places[which == instance])
+        places = places if which is None else places[which == instance]
+        return Table(self, name, self._last_of_ticks(name, places))
+
+    def _last_of_ticks(self, name: str, places: _Places) -> _Places:
+        """Return the last message of each tick of types that AutoTune writes besides the loop."""
+        if not (_TWICE.fullmatch(name) and _AUTOTUNE & self._types.keys()):
+            return places
+        half = 0.5 / self.parameters().get("SCHED_LOOP_RATE", math.inf)
+        step = np.diff(self.time(name, places), append=math.inf)
+        return places[~((step >= 0.0) & (step <= half))]
 
     def fields(self, name: str) -> dict[str, _Field]:
         """Return the fields of a type but its clock. Raises UnknownNameError."""
@@ -526,11 +539,19 @@ class DataFlash:
         joined = (
             f"{self.path}: {len(logs)} logs are joined, one after the other, from {', '.join(logs)}"
         )
+        own = sorted(_AUTOTUNE & self._types.keys())
+        ends = [self.time(name, self._types[name][1][[0, -1]]) - self.begins for name in own]
+        tested = (
+            f"AutoTune tested from {np.min(ends, initial=np.inf):.1f} to "
+            f"{np.max(ends, initial=0.0):.1f} s ({', '.join(own)}), and wrote RATE and PIDs twice "
+            "a tick: of those the last is taken"
+        )
         return [
             *([LogFinding(kind, f"{self.path}: {corrupt}")] if corrupt else ()),
             *([LogFinding("joined", joined)] if len(self.joints) > 1 else ()),
             *(LogFinding("format", text) for text in lost),
             *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
+            *([LogFinding("autotune", tested)] if own else ()),
         ]
 
 

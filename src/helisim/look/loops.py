@@ -21,11 +21,12 @@ from helisim.records.record import Channel, FlightRecord
 
 Line = tuple[Real, Real]  # increasing times, s, and a signal at them, (n_time,) each
 _FURTHER = "to see gain margins let the sweeps go on to a higher frequency: SID_F_STOP_HZ"
-_FIELDS = {
+LOGGED = {
     "lat": ("ROut", "PIDR", "DesRoll"),
     "lon": ("POut", "PIDP", "DesPitch"),
     "ped": ("YOut", "PIDY", "DesYaw"),
-}  # Axis -> field of RATE to the mixer, message of its PID, attitude target
+}
+"""Axis -> field of RATE to the mixer, message of its PID, attitude target."""
 _GAINS = ("ATC_RAT_", "ATC_ANG_")  # parameters of the rate and attitude loops begin so
 _TERMS = ("P", "I", "D", "FF", "DFF")
 _STILL = 0.5  # deg, by which the attitude that is aimed at may move
@@ -44,7 +45,7 @@ class FlownLoops:
     remarks: tuple[str, ...]
 
     def __str__(self) -> str:
-        fields = {cut.axis: _FIELDS[cut.axis] for cut in self.cuts}
+        fields = {cut.axis: LOGGED[cut.axis] for cut in self.cuts}
         lines = [
             *(one for path, found in self.logs.items() for one in (f"{path}:", *map(str, found))),
             "cut at the actuators, where 1 is full command of the mixer:",
@@ -92,7 +93,7 @@ def flown_loops(
         remarks.append("gains were changed between sweeps: the loop is a mean of both")
     cuts = tuple(
         Cut(one, "actuators", f"{one}_disturbance", f"{one}_sum", one, alone=True)
-        for one in _FIELDS
+        for one in LOGGED
         if any(one in record for record in records)
     )
     return FlownLoops(flown, tuple(records), cuts, tuple(dict.fromkeys(remarks)))
@@ -113,7 +114,7 @@ def flown_law(log: DataFlash, start: float) -> ArduCopterLaw:
     return ArduCopterLaw.of(
         log.parameters(at=start),
         lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
-        steady={axis: steady(pid, "I") for axis, (_, pid, _) in _FIELDS.items() if pid in log},
+        steady={axis: steady(pid, "I") for axis, (_, pid, _) in LOGGED.items() if pid in log},
     )
 
 
@@ -154,9 +155,9 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
     found = []
     for sweep, (start, stop) in zip(used, spans):
         axis, time = sweep.sid_axis.control, np.arange(start + period, stop, period)
-        output, pid, aim = _FIELDS[axis]
+        output, pid, aim = LOGGED[axis]
         both = _returned(log.table(pid), rate, output, time, tick) if pid in log else None
-        lines = [_added(log, rate, tick), *(both or [_line(rate.time, rate[output])])]
+        lines = [_added(log, rate, tick), *(both or [line(rate.time, rate[output])])]
         gone = np.column_stack([in_gaps(stamps, time, period) for stamps, _ in lines])
         values = completed(
             np.column_stack([_between(*line, time) for line in lines]), gone, 1.0 / period
@@ -187,7 +188,7 @@ def _added(log: DataFlash, rate: Table, tick: float) -> Line:
     after = np.searchsorted(rate.time, injected.time + 0.25 * tick).clip(max=rate.time.size - 1)
     ahead = rate.time[after] - injected.time
     late = np.where((ahead > 0.0) & (ahead < 1.6 * tick), ahead, tick)
-    return _line(injected.time + late, injected["Targ"])
+    return line(injected.time + late, injected["Targ"])
 
 
 def _returned(
@@ -204,10 +205,11 @@ def _returned(
         return None
     terms = [np.asarray(pid[one], np.float64)[later[mine]] for one in _TERMS if one in pid.columns]
     stamps = rate.time[mine]
-    return _line(stamps, np.asarray(rate[output])[mine]), _line(stamps, sum(terms))
+    return line(stamps, np.asarray(rate[output])[mine]), line(stamps, sum(terms))
 
 
-def _line(stamps: Real, values: Any) -> Line:
+def line(stamps: Real, values: Any) -> Line:
+    """Return stamps that increase, s, and a signal at them, (n_time,) each."""
     known = np.flatnonzero(np.isfinite(values))
     stamps, first = np.unique(stamps[known], return_index=True)
     return stamps, np.asarray(values, np.float64)[known[first]]

@@ -238,14 +238,19 @@ def _sweep(
     return FlownSweep(int(row["Ax"]), start - first, end - first, size, *band, complete, why, lies)
 
 
-def _grounded(log: DataFlash, start: float, stop: float) -> str:
-    """Return why a vehicle was on the ground from `start` to `stop`, s since power-on, or ""."""
+def told_states(log: DataFlash) -> list[tuple[float, str]]:
+    """Return when the autopilot said that it lies, s since power-on, and how; "" of a lift-off."""
     states: list[tuple[float, str]] = []
     for (name, field), words in _STATES.items():
         if name in log and field in (table := log.table(name)).columns:
             numbers = np.asarray(table[field], np.float64).tolist()
             states += [(at, words[k]) for at, k in zip(table.time.tolist(), numbers) if k in words]
-    states.sort(key=lambda one: one[0])
+    return sorted(states, key=lambda one: one[0])
+
+
+def _grounded(log: DataFlash, start: float, stop: float) -> str:
+    """Return why a vehicle was on the ground from `start` to `stop`, s since power-on, or ""."""
+    states = told_states(log)
     last = [one for one in states if one[0] <= start][-1:]
     for at, word in (*last, *(one for one in states if start < one[0] <= stop)):
         if word:

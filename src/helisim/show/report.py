@@ -119,6 +119,7 @@ def write_flight_report(path: str | Path, found: LogTuning) -> Path:
     loops = [
         draw_loops(f"loop_{one.axis}", f"Broken loop, {axis_of(one.axis).word}", one.loops)
         for one in found.axes
+        if one.loops
     ]
     told = "".join(
         page.block(tables.tuning(one)) + paragraph(one.why and f"No new gains: {one.why}.", "off")
@@ -135,9 +136,13 @@ def write_flight_report(path: str | Path, found: LogTuning) -> Path:
         ("remarks", "What is to be known of them", page.bullets(found.remarks)),
         ("models", "Models", models),
         ("modes", "Flight modes", page.table(table("", "from [s]|mode<", flown))),
-        ("flown", "What was swept, and what of the log is taken", page.preformatted(found.told)),
+        (
+            "flown",
+            "What was swept, and what of the log is taken",
+            found.told and page.preformatted(found.told),
+        ),
     ]
-    lead = f"From {', '.join(Path(one).name for one in found.logs)}: its sweeps by mode SystemID."
+    lead = f"From {', '.join(Path(one).name for one in found.logs)}."
     return page.write_page(Path(path), "A flight, and better gains", sections, paragraph(lead))
 
 

@@ -341,7 +341,7 @@ def tuning(shown: AxisTuning) -> Table:
     ]
     title, source = axis_of(shown.axis).word.capitalize(), "as flown" if shown.flown else "by model"
     said = f"the gyro's noise moves the command {shown.noise:.2g} times as much as today"
-    notes = [("", said)] if shown.changes else []
+    notes = [("", said)] if shown.tuned else []
     return table(title, f"figure<|today, {source}|with new gains|unit<", rows, notes=notes)
 
 
@@ -349,6 +349,8 @@ def _within(found: Interval | None) -> str:
     if found is None or not isfinite(found.high - found.low):
         return "-"
     form = interval_form(found.high - found.low)
+    if found.low == found.high:
+        return number(found.value, form)
     value, low, high = numbers((found.value, found.low, found.high), form)
     return f"{value} ({low}-{high})"
 

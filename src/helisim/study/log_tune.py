@@ -26,6 +26,8 @@ from helisim.ident import Fit, identify, structures
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.loops import flown_law, flown_loops
+from helisim.look.sticks import StickResponse, stick_response
+from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.records.record import one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
@@ -40,6 +42,14 @@ _TRIES = 4  # searches, each with more margin where the last one's intervals had
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
 _NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
 _WORTH = 1.03  # ratio of the rejection bandwidth below which today's gains stay
+_NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
+_STEPS = (
+    "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
+    "of a quarter of its travel or more, 0.6 to 1.6 s long, with as long a rest after each"
+)
+_SWEEPS = (
+    "P, I, D and the angle's gain stay: for those sweep by the mode SystemID, SID_AXIS 10 to 12"
+)
 _UNKNOWN = "its model is known too little: no gains hold the margins in 95 % of those as likely"
 ATTITUDE_DRB = "attitude_DRB"
 """Figure: DRB of a disturbance of the attitude alone, as of an estimate that drifts, rad/s."""
@@ -215,10 +225,13 @@ def tune_log(
     A model is identified of each axis that was swept; today's gains and filters are the logs'. The
     candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
-    models as likely. Raises StorageError, LogError, IdentificationError, or InputError if no axis
-    can be tuned.
+    models as likely. Logs without a sweep tell today's loops and the feed-forward alone, by what
+    the pilot's sticks or AutoTune moved. Raises StorageError, LogError, IdentificationError, or
+    InputError if no axis can be tuned.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
+    if not any(own_sweeps(Path(one)) for one in paths):
+        return _by_sticks(paths, seed, on_step)
     on_step("models")
     plant, inferred = logged_plant(paths)
     start = inferred.used[0].start
@@ -302,6 +315,76 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
         band = followed_band(estimate, structure, fit.band)
         fits.append(identify(estimate, structure, band=band))
     return Plant(tuple(fits)), found
+
+
+def _by_sticks(paths: Sequence[str], seed: int, on_step: Callable[[str], None]) -> LogTuning:
+    """Return what flights without sweeps tell of the feed-forward and of today's loops."""
+    on_step("responses")
+    logs = [open_dataflash(one, file_digest(one)) for one in map(Path, paths)]
+    found = stick_response(logs)
+    on_step("loops as flown")
+    law, own = flown_law(logs[0], found.start), logs[0].parameters(at=found.start)
+    # the log's rates are behind the gyro's filter, which is in the law
+    plant = replace(found, rates=found.rates / law.gyro(found.frequency))
+    models = [plant, *plant.draws(_DRAWS, seed=seed)]
+    remarks, axes = [*law.remarks, _SWEEPS], list[AxisTuning]()
+    for axis in tuned_axes(plant):
+        figures = _coherent(models, law, axis)
+        if not math.isfinite(figures["crossover"].value):
+            seen = plant.seen(axis)
+            where = f"from {seen[0]:.3g} to {seen[-1]:.3g} rad/s alone" if seen.size else "nowhere"
+            remarks.append(
+                f"the crossover of {axis_of(axis).word} isn't seen: its rate is coherent with the "
+                f"commands {where}; {_STEPS}"
+            )
+        axes.append(_fed(AxisTuning(axis, True, figures), models, law, own))
+    told = tuple(dict.fromkeys(remarks))
+    return LogTuning(tuple(paths), tuple(axes), told, modes=_modes(logs[0]))
+
+
+def _coherent(
+    models: Sequence[StickResponse], law: ArduCopterLaw, axis: str
+) -> dict[str, Interval]:
+    """Return crossover, margins and delay of the loop, NaN where the rate isn't coherent.
+
+    The delay is that of the crossover model, an integrator and a delay (D. T. McRuer and H. R. Jex,
+    IEEE Transactions on Human Factors in Electronics 8, 1967).
+    """
+
+    def figures(one: ClosedLoop) -> dict[str, float]:
+        cut = figures_of(one, kind="broken", axis=axis)
+        lag = np.radians(90.0 - cut["phase_margin"])
+        return {**cut, "loop_delay": float(lag / cut["crossover"])}
+
+    seen = models[0].seen(axis)
+    if seen.size < 2:
+        return {"crossover": Interval(math.nan, math.nan, math.nan)}
+    draws = tuple(ClosedLoop(one, law, seen) for one in models[1:])
+    return intervals(PredictedLoop(models[0], law, seen, draws=draws), figures)
+
+
+def _fed(
+    one: AxisTuning, models: Sequence[StickResponse], law: ArduCopterLaw, own: Mapping[str, float]
+) -> AxisTuning:
+    """Return an axis with its feed-forward, changed where the flight tells another well enough."""
+    name, gains = f"ATC_RAT_{WORDS[one.axis]}_FF", law.rates[one.axis]
+    value, *others = (holds(plant, one.axis) for plant in models)
+    within = 1.96 * float(np.std(others))
+    most = _NARROW * (max(value, 0.0) + gains.p)
+    fed = Interval(value, value - within, value + within)
+    one = replace(
+        one,
+        today={"set_FF": Interval(gains.ff, gains.ff, gains.ff), "flown_FF": fed, **one.today},
+    )
+    if not within <= most:
+        return replace(
+            one,
+            why=f"FF is known to +- {within:.2g}, expected +- {most:.2g} or less; {_STEPS}",
+        )
+    if fed.low <= gains.ff <= fed.high:
+        return replace(one, why="today's FF is as right as this flight tells")
+    new = Changed(name, own[name], float(f"{max(value, 0.0):.4g}"), _WHYS["FF"], within)
+    return replace(one, changes=(new,))
 
 
 def _shown(paths: Sequence[str], remarks: list[str]) -> MeasuredLoop | None:

@@ -19,6 +19,9 @@ UNITS: Mapping[str, str] = {
     "DRP": "dB",
     "bandwidth": "rad/s",
     "phase_delay": "s",
+    "loop_delay": "s",
+    "set_FF": "s/rad",
+    "flown_FF": "s/rad",
 }
 _TAIL = 0.025  # share of the draws beyond either end
 _LOST = 0.1  # largest share of draws without the figure
