@@ -1,6 +1,7 @@
 """ArduCopter's control law of a helicopter, exact and linear, from its parameters.
 
-Source: ArduPilot 4.7, libraries/AC_PID, AC_AttitudeControl, and ArduCopter/mode_systemid.
+Source: ArduPilot 4.7, libraries/AC_PID, AC_AttitudeControl, Filter/NotchFilter and
+HarmonicNotchFilter, and ArduCopter/mode_systemid.
 """
 
 import math
@@ -11,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, freqz
+from scipy.signal import butter, freqz, sosfreqz
 
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError
@@ -29,8 +30,14 @@ ADDED = ("p_added", "q_added", "r_added")
 """Rates, rad/s, that SystemID's axes 7 to 9 add to the wanted ones."""
 WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 
+NOTCHES = ("INS_HNTCH", "INS_HNTC2")
+"""First words of the parameters of the gyro's harmonic notches."""
+
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
-_GYRO_RATE = 1000.0  # Hz
+GYRO_RATE = 1000.0
+"""Rate of the gyro's filters, Hz."""
+_HIGHEST, _LOWEST = 0.48, 0.52  # centre of a notch: below that share of the rate, of its width above
+_HARMONICS = 16
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,49 @@ class Terms(NamedTuple):
     command: Each
 
 
+@dataclass(frozen=True)
+class Notch:
+    """A static harmonic notch of the gyro: `centre` and `bandwidth`, Hz, of its first harmonic.
+
+    `attenuation` is in dB, `harmonics` has bit n - 1 for the nth.
+    """
+
+    centre: float = 80.0  # FREQ
+    bandwidth: float = 40.0  # BW
+    attenuation: float = 40.0  # ATT
+    harmonics: int = 3  # HMNCS
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float], name: str) -> Self | None:
+        """Return a notch by its parameters' first word, INS_HNTCH or INS_HNTC2.
+
+        None if it is off, follows a sensor (MODE and REF), or is a double or triple one (OPTS).
+        """
+        given = {one: parameters.get(f"{name}_{one}", 0.0) for one in ("ENABLE", "REF", "OPTS")}
+        follows = given["REF"] and parameters.get(f"{name}_MODE", 1.0)
+        if not given["ENABLE"] or follows or int(given["OPTS"]) & 0b10001:
+            return None
+        words = zip(("FREQ", "BW", "ATT"), (cls.centre, cls.bandwidth, cls.attenuation))
+        numbers = [parameters.get(f"{name}_{word}", usual) for word, usual in words]
+        return cls(*numbers, harmonics=int(parameters.get(f"{name}_HMNCS", cls.harmonics)))
+
+    @property
+    def sections(self) -> NDArray[np.float64]:
+        """Its second-order sections at `GYRO_RATE`, (n_harmonic, 6)."""
+        centre = max(self.centre, _LOWEST * self.bandwidth)
+        ratio = (centre / (centre - 0.5 * self.bandwidth)) ** 2
+        quality, depth = math.sqrt(ratio) / (ratio - 1.0), 10.0 ** (-self.attenuation / 20.0)
+        found = []
+        for n in range(1, _HARMONICS + 1):
+            if self.harmonics >> (n - 1) & 1 and n * centre < _HIGHEST * GYRO_RATE:
+                turn = 2.0 * math.pi * n * centre / GYRO_RATE
+                alpha, middle = math.sin(turn) / (2.0 * quality), -2.0 * math.cos(turn)
+                zeros = 1.0 + alpha * depth, middle, 1.0 - alpha * depth
+                found.append((*zeros, 1.0 + alpha, middle, 1.0 - alpha))
+        sections = np.array(found).reshape(-1, 6)
+        return sections / sections[:, 3:4]
+
+
 @dataclass(frozen=True, eq=False)
 class ArduCopterLaw(Checked, Value):
     """The whole law, a `Linear` from motion to commands; mappings are by axis, "lat", "lon", "ped".
@@ -93,7 +143,7 @@ class ArduCopterLaw(Checked, Value):
     `gyro_hz`: INS_GYRO_FILTER, 0 for none; `input_time`, s: ATC_INPUT_TC, None without shaping, as
     with ATC_RATE_FF_ENAB 0 and SystemID's axes 4 to 6; `yaw_time`, s: PILOT_Y_RATE_TC; `lean`,
     (phi, theta), rad, and integrals `steady`, of full command: of the steady flight; `remarks`:
-    parameters that ask for more than this law has.
+    parameters that ask for more than this law has; `notches`: the gyro's, static.
     """
 
     rates: Mapping[str, Rates]
@@ -105,6 +155,7 @@ class ArduCopterLaw(Checked, Value):
     lean: tuple[float, float] = (0.0, 0.0)
     steady: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    notches: tuple[Notch, ...] = ()
 
     @classmethod
     def of(
@@ -128,6 +179,8 @@ class ArduCopterLaw(Checked, Value):
             return float(parameters[name])
 
         shaped = given("ATC_RATE_FF_ENAB") != 0.0
+        notches = {name: Notch.of(parameters, name) for name in NOTCHES}
+        known = {f"{name}_ENABLE": 0.0 for name, one in notches.items() if one}
         return cls(
             {axis: _rates(axis, given) for axis in COMMANDS},
             {axis: given(f"ATC_ANG_{word}_P") for axis, word in WORDS.items()},
@@ -137,7 +190,8 @@ class ArduCopterLaw(Checked, Value):
             float(parameters.get("PILOT_Y_RATE_TC", 0.0)),
             lean,
             steady or {},
-            _beyond(parameters),
+            _beyond({**parameters, **known}),
+            tuple(one for one in notches.values() if one),
         )
 
     @property
@@ -157,11 +211,20 @@ class ArduCopterLaw(Checked, Value):
         return whole
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the response of the gyro's filter, (n_freq,), at frequencies, (n_freq,) rad/s."""
-        if not self.gyro_hz:
-            return np.ones(np.shape(frequency), dtype=np.complex128)
-        b, a = butter(2, min(self.gyro_hz, 0.4 * _GYRO_RATE), fs=_GYRO_RATE)
-        return np.asarray(freqz(b, a, frequency, fs=2.0 * np.pi * _GYRO_RATE)[1])
+        """Return the response of the gyro's filters, (n_freq,), at frequencies, (n_freq,) rad/s."""
+        whole, fast = np.ones(np.shape(frequency), dtype=np.complex128), 2.0 * np.pi * GYRO_RATE
+        if self.gyro_hz:
+            b, a = butter(2, min(self.gyro_hz, 0.4 * GYRO_RATE), fs=GYRO_RATE)
+            whole = np.asarray(freqz(b, a, frequency, fs=fast)[1])
+        notched = [sosfreqz(one.sections, frequency, fs=fast)[1] for one in self.notches]
+        return np.asarray(math.prod(notched, start=whole))
+
+    @property
+    def gyro_sections(self) -> NDArray[np.float64]:
+        """Second-order sections of the gyro's filters at `GYRO_RATE`, (n_section, 6)."""
+        corner = min(self.gyro_hz, 0.4 * GYRO_RATE)
+        low = [butter(2, corner, fs=GYRO_RATE, output="sos")] if self.gyro_hz else []
+        return np.vstack([(1.0, 0, 0, 1, 0, 0), *low, *(one.sections for one in self.notches)])
 
     def wanted(self, error: Real, moves: Real) -> Real:
         """Return wanted rates, (3, ...) rad/s, of errors of roll, pitch and heading, (3, ...) rad.
@@ -230,8 +293,8 @@ _BEYOND = {
     "ATC_RAT_{}_NEF": "the notch of {}'s error is left out",
 }
 _ALSO = {
-    "INS_HNTCH_ENABLE": "the gyro's harmonic notch is left out",
-    "INS_HNTC2_ENABLE": "the gyro's second harmonic notch is left out",
+    "INS_HNTCH_ENABLE": "the gyro's harmonic notch is left out: it follows a sensor, or is several",
+    "INS_HNTC2_ENABLE": "so is the gyro's second harmonic notch",
     "ATC_PIRO_COMP": "pirouette compensation is left out",
     "H_FLYBAR_MODE": "with a flybar roll and pitch are the pilot's in ACRO",
 }
