@@ -15,6 +15,7 @@ from helisim.cli.options import (
 )
 
 FORMAT = "helisim level flights, version 1"
+_CROSSOVER = 20.0  # rad/s, where no sweep tells it
 _MOST = 1000  # Speeds; more are a mistake in the step
 
 
@@ -162,13 +163,16 @@ def tune(o: Options) -> int:
     """Find better gains, of an autopilot from its log, or of the gyro.
 
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
-    ones will, with 95 % intervals, and write those as parameters. Without a log: solve for the
+    ones will, with 95 % intervals; print tones of the gyros and what notches leave of them; write
+    gains and notches as parameters. Without a log: solve for the
     gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
     or the rate command of its parameters; print the loops' margins.
 
     Options:
-        logs LOG <any>  of ArduCopter-heli with sweeps by its mode SystemID, .bin
-        --out FILE <.param .parm =tuned.param>  the new gains (default: tuned.param)
+        logs LOG <any>  of ArduCopter-heli, .bin: with sweeps by its mode SystemID for gains
+        --out FILE <.param .parm =tuned.param>  the new parameters (default: tuned.param)
+        --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
+        --tail-ratio X <float>  turns of the tail rotor for one of it (default: by the tones)
         @json: of logs, what was found
         without a log:
         @vehicle
@@ -183,7 +187,7 @@ def tune(o: Options) -> int:
     A gain is proposed only if gain margin (6 dB), phase margin (45 deg) and peak
     (5 dB) hold for 95 % of the models as likely as the identified one.
 
-    Exit status 1: no axis has better gains.
+    Exit status 1: no axis has better gains, and no notch is needed.
     """
     if o.logs:
         return _tune_log(o)
@@ -207,23 +211,28 @@ def tune(o: Options) -> int:
 
 
 def _tune_log(o: Options) -> int:
+    from helisim.handling.loop import axis_of
     from helisim.show import tables
     from helisim.show.table import as_text, filled
     from helisim.study.log_tune import tune_log
     from helisim.study.results import as_json
 
-    with progress(3, o.quiet) as advance:
-        found = tune_log(o.logs, on_step=advance)
+    with progress(4, o.quiet) as advance:
+        rotor = None if o.rpm is None else o.rpm / 60.0
+        found = tune_log(o.logs, rotor_hz=rotor, tail=o.tail_ratio, on_step=advance)
     for one in found.axes:
         print(f"{as_text(tables.tuning(one))}\n")
         if one.why:
             print(f"{filled(f'no new gains: {one.why}')}\n")
     if found.changes:
         print(as_text(tables.changes(found.changes)))
+    if found.vibration is not None:
+        cut = {axis_of(one.axis).word: one.today["crossover"].value for one in found.axes}
+        print(as_text(tables.vibration(found.vibration, cut or {"a loop": _CROSSOVER})))
     for remark in found.remarks:
         print(filled(remark, "- "))
     write_data(o, as_json(found))
-    if not found.changes:
+    if not found.parameters.settings:
         return 1
     found.parameters.write(o.out)
     print_written(o, f"{o.out}: load it by a ground station, and fly a sweep again")

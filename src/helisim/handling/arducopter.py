@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, freqz, sosfreqz
+from scipy.signal import butter, sosfreqz
 
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError
@@ -36,7 +36,10 @@ NOTCHES = ("INS_HNTCH", "INS_HNTC2")
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
 GYRO_RATE = 1000.0
 """Rate of the gyro's filters, Hz."""
-_HIGHEST, _LOWEST = 0.48, 0.52  # centre of a notch: below that share of the rate, of its width above
+_HIGHEST, _LOWEST = (
+    0.48,
+    0.52,
+)  # centre of a notch: below that share of the rate, of its width above
 _HARMONICS = 16
 
 
@@ -121,18 +124,13 @@ class Notch:
     @property
     def sections(self) -> NDArray[np.float64]:
         """Its second-order sections at `GYRO_RATE`, (n_harmonic, 6)."""
-        centre = max(self.centre, _LOWEST * self.bandwidth)
-        ratio = (centre / (centre - 0.5 * self.bandwidth)) ** 2
-        quality, depth = math.sqrt(ratio) / (ratio - 1.0), 10.0 ** (-self.attenuation / 20.0)
-        found = []
-        for n in range(1, _HARMONICS + 1):
-            if self.harmonics >> (n - 1) & 1 and n * centre < _HIGHEST * GYRO_RATE:
-                turn = 2.0 * math.pi * n * centre / GYRO_RATE
-                alpha, middle = math.sin(turn) / (2.0 * quality), -2.0 * math.cos(turn)
-                zeros = 1.0 + alpha * depth, middle, 1.0 - alpha * depth
-                found.append((*zeros, 1.0 + alpha, middle, 1.0 - alpha))
-        sections = np.array(found).reshape(-1, 6)
-        return sections / sections[:, 3:4]
+        centre, bits = max(self.centre, _LOWEST * self.bandwidth), range(_HARMONICS)
+        n = np.array([k + 1 for k in bits if self.harmonics >> k & 1], np.float64)
+        turn = 2.0 * math.pi * centre / GYRO_RATE * n[n * centre < _HIGHEST * GYRO_RATE]
+        ratio, depth = (1.0 - 0.5 * self.bandwidth / centre) ** -2, 10.0 ** (-self.attenuation / 20)
+        alpha, middle = np.sin(turn) * (ratio - 1.0) / (2.0 * math.sqrt(ratio)), -2.0 * np.cos(turn)
+        shares = 1.0 + alpha * depth, middle, 1.0 - alpha * depth, 1.0 + alpha, middle, 1.0 - alpha
+        return np.column_stack(shares) / (1.0 + alpha)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,12 +210,8 @@ class ArduCopterLaw(Checked, Value):
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the response of the gyro's filters, (n_freq,), at frequencies, (n_freq,) rad/s."""
-        whole, fast = np.ones(np.shape(frequency), dtype=np.complex128), 2.0 * np.pi * GYRO_RATE
-        if self.gyro_hz:
-            b, a = butter(2, min(self.gyro_hz, 0.4 * GYRO_RATE), fs=GYRO_RATE)
-            whole = np.asarray(freqz(b, a, frequency, fs=fast)[1])
-        notched = [sosfreqz(one.sections, frequency, fs=fast)[1] for one in self.notches]
-        return np.asarray(math.prod(notched, start=whole))
+        turns = 2.0 * np.pi * GYRO_RATE
+        return np.asarray(sosfreqz(self.gyro_sections, frequency, fs=turns)[1])
 
     @property
     def gyro_sections(self) -> NDArray[np.float64]:

@@ -42,7 +42,8 @@ SDLOG2 = "sdlog2"
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
 # Letter -> kind of number, and its divisor; an array is no column, see `DataFlash.arrays`.
 _LETTERS: dict[str, tuple[str, float]] = {
-    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
+    "a": ("(32,)<i2", 1.0),
+    "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
     "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "c": ("<i2", 100.0),
     "C": ("<u2", 100.0), "e": ("<i4", 100.0), "E": ("<u4", 100.0), "L": ("<i4", 1e7),
@@ -216,8 +217,8 @@ class DataFlash:
 
     def arrays(self, name: str, field: str) -> NDArray[np.int16]:
         """Return a field of arrays of a type, (n_message, 32). Raises UnknownNameError."""
-        fields = [one for one, of in self._layout(name).fields.items() if of.kind.shape]
-        check_known(f"array of {name}", [field], fields)
+        arrays = {one for one, of in self._layout(name).fields.items() if of.kind.shape}
+        check_known(f"array of {name}", [field], arrays)
         return self._stored(name, self._types[name][1], field)
 
     def units(self, name: str) -> dict[str, str]:

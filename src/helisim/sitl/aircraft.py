@@ -94,16 +94,15 @@ class Aircraft(Live):
         self.outputs = Outputs.of(flown.parameters)
         self.par[PARAM.gyro_on] = self.par[PARAM.pilot_on] = 0.0
         self._first, self._recorded = int(self.model.sensor("imu_gyro").adr[0]), recorded
-        own = flown.parameters
-        self._vibration = Vibration(own, FRAME / 1e6, seed) if vibration else None
+        self._vibrates = vibration
         self.reset()
 
     def reset(self) -> None:
         """Stand on the ground at time 0, the rotor stopped."""
         self.crashed, self._frames, self._crash_time = "", 0, 0.0
         self._slow_rotor = 0.0  # over the nominal one, without a motor
-        if self._vibration is not None:
-            self._vibration.reset()
+        own = self.vehicle.parameters
+        self._shakes = Vibration(own, FRAME / 1e6, self.seed) if self._vibrates else None
         super().reset()
         self._start = np.zeros(3)
         self._start = self._read().position
@@ -146,8 +145,8 @@ class Aircraft(Live):
                 self._crash_time, self._slow_rotor = self.time, 0.0
                 act = self.data.act[self._where.state :]
                 act[STATE.speed : STATE.fuel + 1] = 0.0
-        if self._vibration is not None:
-            self.sensed = sensed = self._vibration.shaken(sensed, self.rotor_speed)
+        if self._shakes is not None:
+            self.sensed = sensed = self._shakes.shaken(sensed, self.rotor_speed)
         return sensed
 
     def record(self) -> FlightRecord:

@@ -31,7 +31,7 @@ _SECTION = "vibration."
 
 
 class Vibration:
-    """A vehicle's vibration, frame by frame; the same with the same seed."""
+    """A vehicle's vibration, frame by frame from its start; the same with the same seed."""
 
     def __init__(self, parameters: Mapping[str, float], period: float, seed: int = 1) -> None:
         """Take [vibration] of a vehicle, and the frames' period, s. Raises ModelError without."""
@@ -43,23 +43,17 @@ class Vibration:
             )
         own = {name.removeprefix(_SECTION): parameters[name] for name in known}
         blades, radius, speed = (
-            parameters[f"main_rotor.{k}"] for k in ("blades", "radius", "speed")
+            parameters[f"main_rotor.{one}"] for one in ("blades", "radius", "speed")
         )
-        tail = parameters["tail_rotor.speed"] / speed
-        passing = tail * parameters["tail_rotor.blades"]
-        each = (1.0, blades, 2.0 * blades, tail, passing, parameters.get("drive.gear", 1.0))
+        tail, passing = parameters["tail_rotor.speed"] / speed, parameters["tail_rotor.blades"]
+        turns = 1.0, blades, 2.0 * blades, tail, passing * tail, parameters.get("drive.gear", 1.0)
         sizes = [3 * [own[f"{name}_rate"]] + 3 * [own[f"{name}_force"]] for name in _SHARES]
-        self._turns, self._sizes = np.array(each), np.array(sizes) * [*_SHARES.values()]
+        self._turns, self._sizes = np.array(turns), np.array(sizes) * [*_SHARES.values()]
         self._noise = np.array(3 * [own["noise_rate"]] + 3 * [own["noise_force"]])
-        self._growth, self._tip = own["growth"], speed * radius
-        self._step, self._seed = speed * period, seed
+        self._ahead, self._step = own["growth"] / (speed * radius), speed * period
         self._keeps = math.exp(-period / own["drift_time"])
         self._drifts = own["drift"] * math.sqrt(1.0 - self._keeps**2)
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self._random = np.random.default_rng(self._seed)
+        self._random = np.random.default_rng(seed)
         self._phases = self._random.uniform(0.0, 2.0 * math.pi, self._sizes.shape)
         self._angle = self._drift = 0.0
 
@@ -72,8 +66,7 @@ class Vibration:
         self._drift = self._keeps * self._drift + self._drifts * float(random[6])
         self._angle += self._step * speed * (1.0 + self._drift)
         load = math.hypot(*sensed.force) / STANDARD_GRAVITY
-        ahead = 1.0 + self._growth * math.hypot(*sensed.velocity[:2]) / self._tip
-        grown = np.where(_BLADES, load * ahead, 1.0)
+        grown = load * (1.0 + self._ahead * math.hypot(*sensed.velocity[:2]))
         tones = np.sin(self._angle * self._turns[:, None] + self._phases) * self._sizes
-        added = speed**2 * (grown @ tones + self._noise * random[:6])
+        added = speed**2 * (np.where(_BLADES, grown, 1.0) @ tones + self._noise * random[:6])
         return replace(sensed, gyro=sensed.gyro + added[:3], force=sensed.force + added[3:])

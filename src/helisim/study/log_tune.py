@@ -26,6 +26,7 @@ from helisim.logs.dataflash import open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.loops import flown_law, flown_loops
 from helisim.look.systemid import estimate_fits, followed_band, infer
+from helisim.look.vibration import Vibration, vibration
 from helisim.records.record import one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
@@ -48,6 +49,16 @@ _WHYS = {
     "I": "half a radian a second of FF + P: takes out what stays",
     "D": "gives back phase that P takes, and passes noise on",
     "FF": "the command that holds 1 rad/s",
+}
+_NOTCH = {
+    "ENABLE": "restart after this, and load the file again: without it the others are hidden",
+    "MODE": "0: fixed, 2: follows RPM messages",
+    "REF": "the rotor's speed over what RPM says; 0 with a fixed one",
+    "FREQ": "Hz: turns of the main rotor, INS_HNTC2 of the tail's; least of them in mode 2",
+    "BW": "Hz",
+    "ATT": "dB",
+    "HMNCS": "bits of the multiples whose tones move the servos: 1, 2, 4, 8 for 1 to 4",
+    "OPTS": "single notches",
 }
 _FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff"}
 
@@ -151,11 +162,15 @@ class AxisTuning(Value):
 
 @dataclass(frozen=True, eq=False)
 class LogTuning(Value):
-    """What a flight log says of its loops and of better gains, by axis; remarks on both."""
+    """What a flight log says of its loops, of better gains, by axis, and of vibration; remarks.
+
+    The candidate's gains are for the gyro's notches that `vibration` proposes.
+    """
 
     logs: tuple[str, ...]
     axes: tuple[AxisTuning, ...]
     remarks: tuple[str, ...] = ()
+    vibration: Vibration | None = None
 
     @property
     def changes(self) -> tuple[Changed, ...]:
@@ -164,7 +179,7 @@ class LogTuning(Value):
 
     @property
     def parameters(self) -> AutopilotParameters:
-        """The candidate's parameters, those that change."""
+        """The candidate's parameters, those that change, and the gyro's notches."""
         groups = {
             axis_of(one.axis).word: tuple(
                 Setting(each.name, each.after, str(each)) for each in one.changes
@@ -172,6 +187,11 @@ class LogTuning(Value):
             for one in self.axes
             if one.changes
         }
+        if self.vibration is not None and self.vibration.settings:
+            rows = self.vibration.settings.items()
+            groups["notches of the gyro"] = tuple(
+                Setting(*one, _NOTCH[one[0][10:]]) for one in rows
+            )
         return AutopilotParameters(
             f"gains identified from {', '.join(Path(one).name for one in self.logs)}", groups
         )
@@ -183,6 +203,8 @@ def tune_log(
     *,
     required: Required = STANDARD,
     seed: int = 1,
+    rotor_hz: float | None = None,
+    tail: float | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> LogTuning:
     """Return an ArduCopter-heli's loops and better gains, from logs of its SystemID sweeps.
@@ -190,12 +212,20 @@ def tune_log(
     A model is identified of each axis that was swept; today's gains and filters are the logs'. The
     candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
-    models as likely. Raises StorageError, LogError, IdentificationError, or InputError if no axis
+    models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without sweeps tell
+    vibration alone, where it asks for notches. Raises StorageError, LogError, IdentificationError, or InputError if no axis
     can be tuned.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
+    on_step("vibration")
+    heard = vibration(paths, rotor_hz=rotor_hz, tail=tail)
     on_step("models")
-    plant, start = logged_plant(paths)
+    try:
+        plant, start = logged_plant(paths)
+    except (LogError, InputError) as error:
+        if not heard.settings:
+            raise
+        return LogTuning(tuple(paths), (), (f"no gains: {error}",), heard)
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
     on_step("loops as flown")
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
@@ -218,19 +248,22 @@ def tune_log(
 
     def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
         new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
-        return ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
+        changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
+        return replace(changed, notches=heard.laws[1].notches) if heard.settings else changed
 
     asked = {axis: required for axis in axes if axis not in wrong}
     gains, tuned, none = _searched(plants, with_gains, asked, required)
     none |= wrong
+    kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
     found = []
     for axis in axes:
         before = today.figures(axis)
         one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
         if axis in gains:
-            one = _compared(one, tuned[axis], gains[axis], own, plants, required)
+            stays = before if kept is today else kept.figures(axis)
+            one = _compared(one, stays, tuned[axis], gains[axis], own, plants, required)
         found.append(one)
-    return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)))
+    return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)), heard)
 
 
 def logged_plant(logs: Sequence[str]) -> tuple[Plant, float]:
@@ -340,15 +373,16 @@ def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
 
 def _compared(
     one: AxisTuning,
+    stays: Mapping[str, Interval],
     tuned: Mapping[str, Interval],
     gains: Gains,
     own: Mapping[str, float],
     plants: Sequence[Linear],
     required: Required,
 ) -> AxisTuning:
-    """Return an axis with its candidate, or with why today's gains stay."""
-    better = min(tuned[name].value / one.today[name].value for name in ("DRB", ATTITUDE_DRB))
-    if better < _WORTH and not any(lacks(one.today, required)):
+    """Return an axis with its candidate, or with why today's gains, with figures `stays`, stay."""
+    better = min(tuned[name].value / stays[name].value for name in ("DRB", ATTITUDE_DRB))
+    if better < _WORTH and not any(lacks(stays, required)):
         return replace(one, why="today's gains are as good within the margins")
     error = 1.96 * float(np.std([holds(plant, one.axis) for plant in plants[1:]]))
     changes = []
