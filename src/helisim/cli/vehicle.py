@@ -15,7 +15,6 @@ from helisim.cli.options import (
 )
 
 FORMAT = "helisim level flights, version 1"
-_CROSSOVER = 20.0  # rad/s, where no sweep tells it
 _MOST = 1000  # Speeds; more are a mistake in the step
 
 
@@ -218,17 +217,17 @@ def _tune_log(o: Options) -> int:
     from helisim.study.results import as_json
 
     with progress(4, o.quiet) as advance:
-        rotor = None if o.rpm is None else o.rpm / 60.0
-        found = tune_log(o.logs, rotor_hz=rotor, tail=o.tail_ratio, on_step=advance)
+        found = tune_log(
+            o.logs, rotor_hz=o.rpm and o.rpm / 60.0, tail=o.tail_ratio, on_step=advance
+        )
     for one in found.axes:
         print(f"{as_text(tables.tuning(one))}\n")
         if one.why:
             print(f"{filled(f'no new gains: {one.why}')}\n")
     if found.changes:
         print(as_text(tables.changes(found.changes)))
-    if found.vibration is not None:
-        cut = {axis_of(one.axis).word: one.today["crossover"].value for one in found.axes}
-        print(as_text(tables.vibration(found.vibration, cut or {"a loop": _CROSSOVER})))
+    cut = {axis_of(one.axis).word: one.today["crossover"].value for one in found.axes}
+    print(as_text(tables.vibration(found.vibration, cut or {"a loop": 20.0})))
     for remark in found.remarks:
         print(filled(remark, "- "))
     write_data(o, as_json(found))

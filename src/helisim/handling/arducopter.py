@@ -36,11 +36,13 @@ NOTCHES = ("INS_HNTCH", "INS_HNTC2")
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
 GYRO_RATE = 1000.0
 """Rate of the gyro's filters, Hz."""
-_HIGHEST, _LOWEST = (
-    0.48,
-    0.52,
-)  # centre of a notch: below that share of the rate, of its width above
-_HARMONICS = 16
+# ArduPilot's notch by default, by the ends of its parameters' names.
+_USUAL = {
+    "ENABLE": 0.0, "REF": 0.0, "MODE": 1.0, "OPTS": 0.0,
+    "FREQ": 80.0, "BW": 40.0, "ATT": 40.0, "HMNCS": 3.0,
+}  # fmt: skip
+# Of notches: centres are below that share of the rate and above that of the width; harmonics.
+_HIGHEST, _LOWEST, _HARMONICS = 0.48, 0.52, 16
 
 
 @dataclass(frozen=True)
@@ -102,10 +104,10 @@ class Notch:
     `attenuation` is in dB, `harmonics` has bit n - 1 for the nth.
     """
 
-    centre: float = 80.0  # FREQ
-    bandwidth: float = 40.0  # BW
-    attenuation: float = 40.0  # ATT
-    harmonics: int = 3  # HMNCS
+    centre: float  # FREQ
+    bandwidth: float  # BW
+    attenuation: float  # ATT
+    harmonics: int  # HMNCS
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], name: str) -> Self | None:
@@ -113,13 +115,12 @@ class Notch:
 
         None if it is off, follows a sensor (MODE and REF), or is a double or triple one (OPTS).
         """
-        given = {one: parameters.get(f"{name}_{one}", 0.0) for one in ("ENABLE", "REF", "OPTS")}
-        follows = given["REF"] and parameters.get(f"{name}_MODE", 1.0)
-        if not given["ENABLE"] or follows or int(given["OPTS"]) & 0b10001:
+        on, ref, mode, several, *own = (
+            parameters.get(f"{name}_{word}", usual) for word, usual in _USUAL.items()
+        )
+        if not on or (ref and mode) or int(several) & 0b10001:
             return None
-        words = zip(("FREQ", "BW", "ATT"), (cls.centre, cls.bandwidth, cls.attenuation))
-        numbers = [parameters.get(f"{name}_{word}", usual) for word, usual in words]
-        return cls(*numbers, harmonics=int(parameters.get(f"{name}_HMNCS", cls.harmonics)))
+        return cls(*own[:3], harmonics=int(own[3]))
 
     @property
     def sections(self) -> NDArray[np.float64]:

@@ -15,7 +15,6 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks, sosfilt, welch
 
 from helisim.base.arrays import Real
-from helisim.base.errors import InputError
 from helisim.base.settings import Value
 from helisim.handling.arducopter import GYRO_RATE, NOTCHES, ArduCopterLaw, Notch
 from helisim.logs.dataflash import DataFlash, open_dataflash
@@ -30,9 +29,8 @@ _MESSAGES = {
     "IMU": (("GyrX", "GyrY", "GyrZ"), 1.0, True),
     "RATE": (("R", "P", "Y"), np.pi / 180.0, True),
 }
-_BATCHES = ("INS_LOG_BAT_OPT", 2)  # likewise
-_GYRO, _EVENTS = 1, (28, 18)  # ISBH's type of a gyro; EV's numbers of lift-off and landing
-_LANDS = 3.0  # s before the latter
+_GYRO = 1  # ISBH's type of a gyro
+_EVENTS, _LANDS = (28, 18), 3.0  # EV's numbers of lift-off and landing, and s before the latter
 _SPEEDS = (("RPM", "RPM"), ("RPM", "rpm1"), ("ESC", "RPM"))  # messages and fields, 1/min
 # Hz of samples and between a spectrum's lines, windows of it; Hz between lines of long logs.
 _SLOWEST, _COARSEST, _FEWEST, _LINE = 150.0, 2.5, 4, 0.5
@@ -152,17 +150,14 @@ def vibration(
     """
     paths = [logs] if isinstance(logs, str | PathLike) else list(logs)
     opened = (open_dataflash(Path(path), file_digest(Path(path))) for path in paths)
-    first: DataFlash | None = None
-    for log in opened:
-        first = first or log
-        if gyros := next((one for one in _sources(log) if one.enough), None):
-            return _found(log, gyros, rotor_hz, tail)
-    if first is None:
-        raise InputError("no log was given: expected some of an ArduCopter-heli, .bin")
-    law, nan = ArduCopterLaw.of(first.parameters()), float("nan")
+    found = ((log, gyros) for log in opened for gyros in _sources(log) if gyros.enough)
+    if first := next(found, None):
+        return _found(*first, rotor_hz, tail)
+    log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
+    law, nan = ArduCopterLaw.of(log.parameters()), float("nan")
     slow = f"too little of its gyros is logged {_SLOWEST:g} times a second or faster: {SET}"
-    nothing = (np.zeros(0), np.zeros((3, 3, 0)), nan, nan, ())
-    return Vibration("", nan, *nothing, (law, law), remarks=(slow,))
+    spectra = np.zeros((3, 3, 0))
+    return Vibration("", nan, spectra[0, 0], spectra, nan, nan, (), (law, law), remarks=(slow,))
 
 
 def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | None) -> Vibration:
@@ -204,19 +199,18 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
         *(one.max(axis=1).tolist() for one in sizes),
         felt(today).tolist(),
     )
-    remarks = []
-    if message:
-        remarks.append(f"{message} says {speed:.4g} Hz, {speed / rotor:.4g} times the main rotor's")
-    elif not rotor_hz and rotor == rotor:
-        remarks.append("no message tells the rotor's speed; it is what most tones are multiples of")
-    if gyros.filtered:
-        remarks.append(
-            f"{gyros.name} is logged behind the gyro's filters, and what is above "
-            f"{0.5 * gyros.rate:g} Hz appears below it: to see all, {SET}"
-        )
+    said = {
+        f"{message} says {speed:.4g} Hz, {speed / rotor:.4g} times the main rotor's": message,
+        "no message tells the rotor's speed; it is what most tones are multiples of": (
+            rotor == rotor and not (message or rotor_hz)
+        ),
+        f"{gyros.name} is logged behind the gyro's filters, and what is above {0.5 * gyros.rate:g} "
+        f"Hz appears below it: to see all, {SET}": gyros.filtered,
+    }
     return Vibration(
         gyros.name, gyros.rate, frequency, spectra, rotor, tail,
-        tuple(Peak(*row) for row in zip(*columns)), (today, then), settings, tuple(remarks),
+        tuple(Peak(*row) for row in zip(*columns)), (today, then), settings,
+        tuple(text for text, holds in said.items() if holds),
     )  # fmt: skip
 
 
@@ -235,7 +229,9 @@ def _sources(log: DataFlash) -> Iterator[_Gyros]:
         here = (np.asarray(heads["type"]) == _GYRO) & (heads.time > start) & (heads.time < stop)
         number, scale, rate = (np.asarray(heads[one])[here] for one in ("N", "mul", "smp_rate"))
         parts = [rows[numbers == n].reshape(-1, 3) / by for n, by in zip(number, scale)]
-        yield _Gyros("ISBD", float(max(rate, default=0.0)), parts, _is_set(own, _BATCHES))
+        yield _Gyros(
+            "ISBD", float(max(rate, default=0.0)), parts, _is_set(own, ("INS_LOG_BAT_OPT", 2))
+        )
     for name in (one for one in _MESSAGES if one in log):
         fields, factor, behind = _MESSAGES[name]
         table = log.table(name, log.instances(name)[0])

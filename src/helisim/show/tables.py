@@ -370,12 +370,12 @@ def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
         for word, at in crossovers.items()
     ]
     proposed = ", ".join(f"{name} {value:g}" for name, value in shown.settings.items())
-    said = f"gyros by {shown.source}, {shown.rate:.4g} Hz; main rotor {shown.rotor:.4g} Hz"
     return table(
         "Vibration",
         "Hz|tone<|of<|over floor [dB]|logged [deg/s]|today|with notches|of servos [%]",
         rows,
-        f"{said}, tail {shown.tail:.3g} times" if shown.source else "",
+        f"gyros by {shown.source or 'nothing'}, {shown.rate:.4g} Hz; main rotor {shown.rotor:.4g} "
+        f"Hz, tail {shown.tail:.3g} times",
         [
             ("lag of the gyro's filters", "; ".join(lags)),
             ("proposed", proposed or "no notch: no tone of a rotor moves the servos"),

@@ -26,8 +26,6 @@ _SHARES = {
     "tail_blade": (0.2, 0.2, 1.0, 0.1, 1.0, 0.1),
     "motor": (0.5, 0.5, 0.5, 0.5, 0.5, 1.0),
 }
-_BLADES = np.array([name in ("blade", "twice", "tail_blade") for name in _SHARES])
-_SECTION = "vibration."
 
 
 class Vibration:
@@ -35,13 +33,13 @@ class Vibration:
 
     def __init__(self, parameters: Mapping[str, float], period: float, seed: int = 1) -> None:
         """Take [vibration] of a vehicle, and the frames' period, s. Raises ModelError without."""
-        known = [name for name in glossary() if name.startswith(_SECTION)]
+        known = [name for name in glossary() if name.startswith("vibration.")]
         if missing := [name for name in known if name not in parameters]:
             raise ModelError(
                 f"the vehicle has no numbers of its vibration: expected {', '.join(missing)} in "
                 "its parameters.toml, as the JR700 has them; add them, or fly without vibration"
             )
-        own = {name.removeprefix(_SECTION): parameters[name] for name in known}
+        own = {name.partition(".")[2]: parameters[name] for name in known}
         blades, radius, speed = (
             parameters[f"main_rotor.{one}"] for one in ("blades", "radius", "speed")
         )
@@ -49,6 +47,7 @@ class Vibration:
         turns = 1.0, blades, 2.0 * blades, tail, passing * tail, parameters.get("drive.gear", 1.0)
         sizes = [3 * [own[f"{name}_rate"]] + 3 * [own[f"{name}_force"]] for name in _SHARES]
         self._turns, self._sizes = np.array(turns), np.array(sizes) * [*_SHARES.values()]
+        self._passes = [name in ("blade", "twice", "tail_blade") for name in _SHARES]
         self._noise = np.array(3 * [own["noise_rate"]] + 3 * [own["noise_force"]])
         self._ahead, self._step = own["growth"] / (speed * radius), speed * period
         self._keeps = math.exp(-period / own["drift_time"])
@@ -68,5 +67,5 @@ class Vibration:
         load = math.hypot(*sensed.force) / STANDARD_GRAVITY
         grown = load * (1.0 + self._ahead * math.hypot(*sensed.velocity[:2]))
         tones = np.sin(self._angle * self._turns[:, None] + self._phases) * self._sizes
-        added = speed**2 * (np.where(_BLADES, grown, 1.0) @ tones + self._noise * random[:6])
+        added = speed**2 * (np.where(self._passes, grown, 1.0) @ tones + self._noise * random[:6])
         return replace(sensed, gyro=sensed.gyro + added[:3], force=sensed.force + added[3:])

@@ -168,9 +168,9 @@ class LogTuning(Value):
     """
 
     logs: tuple[str, ...]
-    axes: tuple[AxisTuning, ...]
+    vibration: Vibration
+    axes: tuple[AxisTuning, ...] = ()
     remarks: tuple[str, ...] = ()
-    vibration: Vibration | None = None
 
     @property
     def changes(self) -> tuple[Changed, ...]:
@@ -187,13 +187,12 @@ class LogTuning(Value):
             for one in self.axes
             if one.changes
         }
-        if self.vibration is not None and self.vibration.settings:
-            rows = self.vibration.settings.items()
+        if rows := self.vibration.settings:
             groups["notches of the gyro"] = tuple(
-                Setting(*one, _NOTCH[one[0][10:]]) for one in rows
+                Setting(name, value, _NOTCH[name.split("_")[-1]]) for name, value in rows.items()
             )
         return AutopilotParameters(
-            f"gains identified from {', '.join(Path(one).name for one in self.logs)}", groups
+            f"gains and notches from {', '.join(Path(one).name for one in self.logs)}", groups
         )
 
 
@@ -213,8 +212,8 @@ def tune_log(
     candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
     models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without sweeps tell
-    vibration alone, where it asks for notches. Raises StorageError, LogError, IdentificationError, or InputError if no axis
-    can be tuned.
+    vibration alone, where it asks for notches. Raises StorageError, LogError, IdentificationError,
+    or InputError if no axis can be tuned.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
     on_step("vibration")
@@ -225,7 +224,7 @@ def tune_log(
     except (LogError, InputError) as error:
         if not heard.settings:
             raise
-        return LogTuning(tuple(paths), (), (f"no gains: {error}",), heard)
+        return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
     on_step("loops as flown")
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
@@ -249,21 +248,21 @@ def tune_log(
     def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
         new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
         changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
-        return replace(changed, notches=heard.laws[1].notches) if heard.settings else changed
+        return replace(changed, notches=heard.laws[1].notches)
 
     asked = {axis: required for axis in axes if axis not in wrong}
     gains, tuned, none = _searched(plants, with_gains, asked, required)
     none |= wrong
-    kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
+    kept = PredictedLoop.of(plants, with_gains({}))
     found = []
     for axis in axes:
         before = today.figures(axis)
         one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
         if axis in gains:
-            stays = before if kept is today else kept.figures(axis)
+            stays = kept.figures(axis) if heard.settings else before
             one = _compared(one, stays, tuned[axis], gains[axis], own, plants, required)
         found.append(one)
-    return LogTuning(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks)), heard)
+    return LogTuning(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks)))
 
 
 def logged_plant(logs: Sequence[str]) -> tuple[Plant, float]:
