@@ -366,21 +366,24 @@ def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
         for one in shown.peaks
     ]
     lags = [
-        "{} at {:.3g} rad/s {:.1f} deg today, {:.1f} with notches".format(word, at, *shown.lag(at))
+        "lag of the gyro's filters in {} at {:.3g} rad/s: {:.1f} deg today, {:.1f} with notches"
+        "".format(word, at, *shown.lag(at))
         for word, at in crossovers.items()
     ]
-    proposed = ", ".join(f"{name} {value:g}" for name, value in shown.settings.items())
+    found = {
+        f"gyros by {shown.source}, {{:.4g}} Hz": shown.rate,
+        "main rotor {:.4g} Hz": shown.rotor,
+        "tail {:.3g} times": shown.tail,
+    }
+    if shown.source:
+        proposed = ", ".join(f"{name} {value:g}" for name, value in shown.settings.items())
+        lags.append(f"proposed: {proposed or 'no notch, as no tone of a rotor moves the servos'}")
     return table(
         "Vibration",
         "Hz|tone<|of<|over floor [dB]|logged [deg/s]|today|with notches|of servos [%]",
         rows,
-        f"gyros by {shown.source or 'nothing'}, {shown.rate:.4g} Hz; main rotor {shown.rotor:.4g} "
-        f"Hz, tail {shown.tail:.3g} times",
-        [
-            ("lag of the gyro's filters", "; ".join(lags)),
-            ("proposed", proposed or "no notch: no tone of a rotor moves the servos"),
-            *(("", one) for one in shown.remarks),
-        ],
+        ", ".join(text.format(value) for text, value in found.items() if isfinite(value)),
+        [("", one) for one in (*lags, *shown.remarks)],
     )
 
 

@@ -211,9 +211,9 @@ def tune_log(
     A model is identified of each axis that was swept; today's gains and filters are the logs'. The
     candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
-    models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without sweeps tell
-    vibration alone, where it asks for notches. Raises StorageError, LogError, IdentificationError,
-    or InputError if no axis can be tuned.
+    models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without sweeps of
+    use tell vibration alone, and a remark says why. Raises StorageError, LogError,
+    IdentificationError, or InputError where the parameters aren't in the log.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
     on_step("vibration")
@@ -222,8 +222,6 @@ def tune_log(
     try:
         plant, start = logged_plant(paths)
     except (LogError, InputError) as error:
-        if not heard.settings:
-            raise
         return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
     on_step("loops as flown")
