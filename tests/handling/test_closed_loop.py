@@ -416,7 +416,8 @@ def test_missing_parameters_are_named():
 
 
 def test_what_the_law_leaves_out_is_said():
-    said = ArduCopterLaw.of(PARAMETERS | {"ATC_RAT_RLL_SMAX": 20.0, "INS_HNTCH_ENABLE": 1.0})
+    notch = {"INS_HNTCH_ENABLE": 1.0, "INS_HNTCH_REF": 1.0}  # it follows a sensor
+    said = ArduCopterLaw.of(PARAMETERS | {"ATC_RAT_RLL_SMAX": 20.0} | notch)
     assert len(said.remarks) == 2
     assert "slew limiter of roll" in said.remarks[0]
     assert not ArduCopterLaw.of(PARAMETERS).remarks

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from command import fails, parm_file
+from command import parm_file
 from flown_copter import LAW, PARAMETERS, Flown, Plant
-from helisim.base.errors import LogError
 from helisim.cli import main
 from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
@@ -68,7 +67,9 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(logs, tmp_pa
     assert "today, as flown" in printed
     assert "ATC_RAT_*_P: full command by rad/s of rate error" in printed
     assert parm_file(out) == tuned.parameters.values
-    told = fails(capsys, "tune", logs[0], "--out", tmp_path / "b.param", "--quiet")
+    assert main(["tune", str(logs[0]), "--out", str(tmp_path / "b.param"), "--quiet"]) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert "set INS_LOG_BAT_MASK 1" in told  # RATE at 100 Hz is too slow for vibration
     assert told.endswith("can be used for gains; sweep roll and pitch both, or yaw")
     assert not (tmp_path / "b.param").exists()
 
@@ -110,9 +111,11 @@ def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts):
 def test_what_moves_too_little_is_told_with_what_to_fly(tmp_path, capsys):
     """Of yaw nothing is known where its stick is at rest; without any step there is no answer."""
     still = Flown().steps(size=0.0).save(tmp_path)
-    with pytest.raises(LogError, match="no target of attitude"):
-        tune_log(still)
-    assert fails(capsys, "tune", still, "--quiet")
+    found = tune_log(still)
+    assert "no target of attitude" in found.remarks[0]
+    assert not found.axes
+    assert main(["tune", str(still), "--quiet"]) == 1
+    assert "no gains: " in capsys.readouterr().out
 
 
 def test_of_rows_that_autotune_writes_twice_a_tick_the_last_is_taken(tmp_path):

@@ -43,6 +43,8 @@ def sitl(o: Options) -> int:
         --address IP <=127.0.0.1>  to listen on (default: 127.0.0.1; 0.0.0.0: all)
         --wait S <=60>  for first frame, after the last, s (default: 60, or inf)
         --seed N <=1>  of the turbulence (default: 1)
+        --vibration  the autopilot's gyros and accelerometers shake, by [vibration] of
+            the vehicle's parameters
         @weather
         @ground
         @set
@@ -93,6 +95,7 @@ def sitl(o: Options) -> int:
         weather=weather(o),
         seed=o.seed,
         recorded=o.record is not None or o.rerun is not None,
+        vibration=o.vibration,
     )
     if script is not None:
         return _fly_script(o, script, aircraft)

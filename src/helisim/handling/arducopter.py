@@ -1,6 +1,7 @@
 """ArduCopter's control law of a helicopter, exact and linear, from its parameters.
 
-Source: ArduPilot 4.7, libraries/AC_PID, AC_AttitudeControl, and ArduCopter/mode_systemid.
+Source: ArduPilot 4.7, libraries/AC_PID, AC_AttitudeControl, Filter/NotchFilter and
+HarmonicNotchFilter, and ArduCopter/mode_systemid.
 """
 
 import math
@@ -11,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, freqz
+from scipy.signal import butter, sosfreqz
 
 from helisim.base.arrays import Real
 from helisim.base.errors import InputError
@@ -29,8 +30,19 @@ ADDED = ("p_added", "q_added", "r_added")
 """Rates, rad/s, that SystemID's axes 7 to 9 add to the wanted ones."""
 WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 
+NOTCHES = ("INS_HNTCH", "INS_HNTC2")
+"""First words of the parameters of the gyro's harmonic notches."""
+
 _LEAK = 0.02  # share of the integral beyond its least leak that leaks at a tick
-_GYRO_RATE = 1000.0  # Hz
+GYRO_RATE = 1000.0
+"""Rate of the gyro's filters, Hz."""
+# ArduPilot's notch by default, by the ends of its parameters' names.
+_USUAL = {
+    "ENABLE": 0.0, "REF": 0.0, "MODE": 1.0, "OPTS": 0.0,
+    "FREQ": 80.0, "BW": 40.0, "ATT": 40.0, "HMNCS": 3.0,
+}  # fmt: skip
+# Of notches: centres are below that share of the rate and above that of the width; harmonics.
+_HIGHEST, _LOWEST, _HARMONICS = 0.48, 0.52, 16
 
 
 @dataclass(frozen=True)
@@ -85,6 +97,43 @@ class Terms(NamedTuple):
     command: Each
 
 
+@dataclass(frozen=True)
+class Notch:
+    """A static harmonic notch of the gyro: `centre` and `bandwidth`, Hz, of its first harmonic.
+
+    `attenuation` is in dB, `harmonics` has bit n - 1 for the nth.
+    """
+
+    centre: float  # FREQ
+    bandwidth: float  # BW
+    attenuation: float  # ATT
+    harmonics: int  # HMNCS
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float], name: str) -> Self | None:
+        """Return a notch by its parameters' first word, INS_HNTCH or INS_HNTC2.
+
+        None if it is off, follows a sensor (MODE and REF), or is a double or triple one (OPTS).
+        """
+        on, ref, mode, several, *own = (
+            parameters.get(f"{name}_{word}", usual) for word, usual in _USUAL.items()
+        )
+        if not on or (ref and mode) or int(several) & 0b10001:
+            return None
+        return cls(*own[:3], harmonics=int(own[3]))
+
+    @property
+    def sections(self) -> NDArray[np.float64]:
+        """Its second-order sections at `GYRO_RATE`, (n_harmonic, 6)."""
+        centre, bits = max(self.centre, _LOWEST * self.bandwidth), range(_HARMONICS)
+        n = np.array([k + 1 for k in bits if self.harmonics >> k & 1], np.float64)
+        turn = 2.0 * math.pi * centre / GYRO_RATE * n[n * centre < _HIGHEST * GYRO_RATE]
+        ratio, depth = (1.0 - 0.5 * self.bandwidth / centre) ** -2, 10.0 ** (-self.attenuation / 20)
+        alpha, middle = np.sin(turn) * (ratio - 1.0) / (2.0 * math.sqrt(ratio)), -2.0 * np.cos(turn)
+        shares = 1.0 + alpha * depth, middle, 1.0 - alpha * depth, 1.0 + alpha, middle, 1.0 - alpha
+        return np.column_stack(shares) / (1.0 + alpha)[:, None]
+
+
 @dataclass(frozen=True, eq=False)
 class ArduCopterLaw(Checked, Value):
     """The whole law, a `Linear` from motion to commands; mappings are by axis, "lat", "lon", "ped".
@@ -93,7 +142,7 @@ class ArduCopterLaw(Checked, Value):
     `gyro_hz`: INS_GYRO_FILTER, 0 for none; `input_time`, s: ATC_INPUT_TC, None without shaping, as
     with ATC_RATE_FF_ENAB 0 and SystemID's axes 4 to 6; `yaw_time`, s: PILOT_Y_RATE_TC; `lean`,
     (phi, theta), rad, and integrals `steady`, of full command: of the steady flight; `remarks`:
-    parameters that ask for more than this law has.
+    parameters that ask for more than this law has; `notches`: the gyro's, static.
     """
 
     rates: Mapping[str, Rates]
@@ -105,6 +154,7 @@ class ArduCopterLaw(Checked, Value):
     lean: tuple[float, float] = (0.0, 0.0)
     steady: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    notches: tuple[Notch, ...] = ()
 
     @classmethod
     def of(
@@ -128,6 +178,8 @@ class ArduCopterLaw(Checked, Value):
             return float(parameters[name])
 
         shaped = given("ATC_RATE_FF_ENAB") != 0.0
+        notches = {name: Notch.of(parameters, name) for name in NOTCHES}
+        known = {f"{name}_ENABLE": 0.0 for name, one in notches.items() if one}
         return cls(
             {axis: _rates(axis, given) for axis in COMMANDS},
             {axis: given(f"ATC_ANG_{word}_P") for axis, word in WORDS.items()},
@@ -137,7 +189,8 @@ class ArduCopterLaw(Checked, Value):
             float(parameters.get("PILOT_Y_RATE_TC", 0.0)),
             lean,
             steady or {},
-            _beyond(parameters),
+            _beyond({**parameters, **known}),
+            tuple(one for one in notches.values() if one),
         )
 
     @property
@@ -157,11 +210,16 @@ class ArduCopterLaw(Checked, Value):
         return whole
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the response of the gyro's filter, (n_freq,), at frequencies, (n_freq,) rad/s."""
-        if not self.gyro_hz:
-            return np.ones(np.shape(frequency), dtype=np.complex128)
-        b, a = butter(2, min(self.gyro_hz, 0.4 * _GYRO_RATE), fs=_GYRO_RATE)
-        return np.asarray(freqz(b, a, frequency, fs=2.0 * np.pi * _GYRO_RATE)[1])
+        """Return the response of the gyro's filters, (n_freq,), at frequencies, (n_freq,) rad/s."""
+        turns = 2.0 * np.pi * GYRO_RATE
+        return np.asarray(sosfreqz(self.gyro_sections, frequency, fs=turns)[1])
+
+    @property
+    def gyro_sections(self) -> NDArray[np.float64]:
+        """Second-order sections of the gyro's filters at `GYRO_RATE`, (n_section, 6)."""
+        corner = min(self.gyro_hz, 0.4 * GYRO_RATE)
+        low = [butter(2, corner, fs=GYRO_RATE, output="sos")] if self.gyro_hz else []
+        return np.vstack([(1.0, 0, 0, 1, 0, 0), *low, *(one.sections for one in self.notches)])
 
     def wanted(self, error: Real, moves: Real) -> Real:
         """Return wanted rates, (3, ...) rad/s, of errors of roll, pitch and heading, (3, ...) rad.
@@ -230,8 +288,8 @@ _BEYOND = {
     "ATC_RAT_{}_NEF": "the notch of {}'s error is left out",
 }
 _ALSO = {
-    "INS_HNTCH_ENABLE": "the gyro's harmonic notch is left out",
-    "INS_HNTC2_ENABLE": "the gyro's second harmonic notch is left out",
+    "INS_HNTCH_ENABLE": "the gyro's harmonic notch is left out: it follows a sensor, or is several",
+    "INS_HNTC2_ENABLE": "so is the gyro's second harmonic notch",
     "ATC_PIRO_COMP": "pirouette compensation is left out",
     "H_FLYBAR_MODE": "with a flybar roll and pitch are the pilot's in ACRO",
 }

@@ -54,9 +54,10 @@ _APART = 600.0  # s that a message may be before or after all types of more than
 _REST = 10.0  # s from one to the next of logs that are joined
 _WILD = 1e6  # magnitude, and medians and one more, that no number of a flight has
 _ROUNDS = 20  # searches for spikes at most, each without those found before
-# Letter -> kind of number, and its divisor; arrays are passed over.
+# Letter -> kind of number, and its divisor; an array is no column, see `DataFlash.arrays`.
 _LETTERS: dict[str, tuple[str, float]] = {
-    "a": ("V64", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
+    "a": ("(32,)<i2", 1.0),
+    "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
     "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "c": ("<i2", 100.0),
     "C": ("<u2", 100.0), "e": ("<i4", 100.0), "E": ("<u4", 100.0), "L": ("<i4", 1e7),
@@ -113,7 +114,7 @@ def _layout(message: bytes) -> _Layout | None:
             lost = f"{name}: {label.strip() or 'its rest'}, of the format letter {letter!r}, "
             lost += f"isn't known or goes beyond {length} bytes; it and what follows is left out"
             break
-        if label.strip() and field.kind.kind != "V":
+        if label.strip() and field.kind.base.kind != "V":
             fields.setdefault(label.strip(), field)
     return _Layout(number, name, length, fields, lost)
 
@@ -294,7 +295,17 @@ class DataFlash:
     def fields(self, name: str) -> dict[str, _Field]:
         """Return the fields of a type but its clock. Raises UnknownNameError."""
         fields = self._layout(name).fields
-        return {field: one for field, one in fields.items() if field not in _CLOCKS}
+        return {
+            field: one
+            for field, one in fields.items()
+            if field not in _CLOCKS and not one.kind.shape
+        }
+
+    def arrays(self, name: str, field: str) -> NDArray[np.int16]:
+        """Return a field of arrays of a type, (n_message, 32). Raises UnknownNameError."""
+        arrays = {one for one, of in self._layout(name).fields.items() if of.kind.shape}
+        check_known(f"array of {name}", [field], arrays)
+        return self._stored(name, self._types[name][1], field)
 
     def units(self, name: str) -> dict[str, str]:
         """Return field -> unit of a type, where the log states one."""
@@ -479,8 +490,9 @@ class DataFlash:
         parts = np.array_split(places, 1 + places.size // _ROWS)  # of the log in memory at a time
         windows = (sliding_window_view(self._bytes(), one.kind.itemsize) for _ in parts)
         stored = np.concatenate(
-            [data[part + one.offset].view(one.kind)[:, 0] for data, part in zip(windows, parts)]
+            [data[part + one.offset].view(one.kind.base) for data, part in zip(windows, parts)]
         )
+        stored = stored if one.kind.shape else stored[:, 0]
         if one.kind.kind != "S":
             return stored
         distinct, which = np.unique(stored, return_inverse=True)

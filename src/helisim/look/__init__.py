@@ -1,4 +1,4 @@
-"""First look at unknown logs (`look`), and at logs of the mode SystemID (`systemid`)."""
+"""First look at unknown logs (`look`), and at logs of ArduPilot (`systemid`, `vibration`)."""
 
 from helisim.look.channels import SeenChannel, SeenClock
 from helisim.look.excitation import FoundAnswer, FoundExcitation

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from helisim.design.design import DesignResult
     from helisim.design.proof import ComparedCriterion, Proof
     from helisim.handling.measured.margins import MeasuredMargins
+    from helisim.look.vibration import Vibration
     from helisim.sim.rigs import RigTest
     from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
     from helisim.study.errata import Erratum
@@ -353,6 +354,41 @@ def _within(found: Interval | None) -> str:
         return number(found.value, form)
     value, low, high = numbers((found.value, found.low, found.high), form)
     return f"{value} ({low}-{high})"
+
+
+def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
+    """Return the tones of a log's gyros, and what notches leave of them.
+
+    Notes say the filters' lag at crossovers, rad/s by what crosses, and what is proposed.
+    """
+    rows = [
+        (
+            *(number(one.frequency, ".1f"), one.name or "-", one.axis, number(one.above, ".0f")),
+            *numbers((degrees(size) for size in (one.logged, one.now, one.left)), ".2g"),
+            number(100.0 * one.felt, ".2g"),
+        )
+        for one in shown.peaks
+    ]
+    lags = [
+        "lag of the gyro's filters in {} at {:.3g} rad/s: {:.1f} deg today, {:.1f} with notches"
+        "".format(word, at, *shown.lag(at))
+        for word, at in crossovers.items()
+    ]
+    found = {
+        f"gyros by {shown.source}, {{:.4g}} Hz": shown.rate,
+        "main rotor {:.4g} Hz": shown.rotor,
+        "tail {:.3g} times": shown.tail,
+    }
+    if shown.source:
+        proposed = ", ".join(f"{name} {value:g}" for name, value in shown.settings.items())
+        lags.append(f"proposed: {proposed or 'no notch, as no tone of a rotor moves the servos'}")
+    return table(
+        "Vibration",
+        "Hz|tone<|of<|over floor [dB]|logged [deg/s]|today|with notches|of servos [%]",
+        rows,
+        ", ".join(text.format(value) for text, value in found.items() if isfinite(value)),
+        [("", one) for one in (*lags, *shown.remarks)],
+    )
 
 
 def changes(shown: Sequence[Changed]) -> Table:

@@ -27,6 +27,7 @@ from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.sim.weather import Weather
 from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Outputs
+from helisim.sitl.vibration import Vibration
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import check_motor, with_room
 from helisim.vehicle.controller import DIRECT, law_room
@@ -72,12 +73,13 @@ class Aircraft(Live):
         motor: bool = True,
         seed: int = 1,
         recorded: bool = False,
+        vibration: bool = False,
     ) -> None:
         """Place a vehicle on level ground with its effect, in calm air by default.
 
         Without `motor`, or its numbers, an ideal governor spools up within 12 s. `seed` is of
-        turbulence. Raises UnknownNameError, ModelError, and InputError for a seed or gyro that
-        doesn't fit.
+        turbulence and of `vibration`, which shakes what is sensed, not what is recorded. Raises
+        UnknownNameError, ModelError, and InputError for a seed or gyro that doesn't fit.
         """
         if seed < 0:
             raise InputError(f"seed must be 0 or more, got {seed}")
@@ -92,12 +94,15 @@ class Aircraft(Live):
         self.outputs = Outputs.of(flown.parameters)
         self.par[PARAM.gyro_on] = self.par[PARAM.pilot_on] = 0.0
         self._first, self._recorded = int(self.model.sensor("imu_gyro").adr[0]), recorded
+        self._vibrates = vibration
         self.reset()
 
     def reset(self) -> None:
         """Stand on the ground at time 0, the rotor stopped."""
         self.crashed, self._frames, self._crash_time = "", 0, 0.0
         self._slow_rotor = 0.0  # over the nominal one, without a motor
+        own = self.vehicle.parameters
+        self._shakes = Vibration(own, FRAME / 1e6, self.seed) if self._vibrates else None
         super().reset()
         self._start = np.zeros(3)
         self._start = self._read().position
@@ -140,6 +145,8 @@ class Aircraft(Live):
                 self._crash_time, self._slow_rotor = self.time, 0.0
                 act = self.data.act[self._where.state :]
                 act[STATE.speed : STATE.fuel + 1] = 0.0
+        if self._shakes is not None:
+            self.sensed = sensed = self._shakes.shaken(sensed, self.rotor_speed)
         return sensed
 
     def record(self) -> FlightRecord:

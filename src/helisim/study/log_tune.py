@@ -29,6 +29,7 @@ from helisim.look.loops import flown_law, flown_loops
 from helisim.look.sticks import StickResponse, stick_response
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
+from helisim.look.vibration import Vibration, vibration
 from helisim.records.record import one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
@@ -61,6 +62,16 @@ _WHYS = {
     "I": "half a radian a second of FF + P: takes out what stays",
     "D": "gives back phase that P takes, and passes noise on",
     "FF": "the command that holds 1 rad/s",
+}
+_NOTCH = {
+    "ENABLE": "restart after this, and load the file again: without it the others are hidden",
+    "MODE": "0: fixed, 2: follows RPM messages",
+    "REF": "the rotor's speed over what RPM says; 0 with a fixed one",
+    "FREQ": "Hz: turns of the main rotor, INS_HNTC2 of the tail's; least of them in mode 2",
+    "BW": "Hz",
+    "ATT": "dB",
+    "HMNCS": "bits of the multiples whose tones move the servos: 1, 2, 4, 8 for 1 to 4",
+    "OPTS": "single notches",
 }
 _FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff"}
 
@@ -174,14 +185,16 @@ class AxisTuning(Value):
 
 @dataclass(frozen=True, eq=False)
 class LogTuning(Value):
-    """What a flight log says of its loops and of better gains, by axis; remarks on both.
+    """What a flight log says of its loops, of better gains, by axis, and of vibration; remarks.
 
-    `told` is what the log says of its sweeps, `modes` its flight modes: s after its first stamp,
-    and name; `fits` are the models.
+    The candidate's gains are for the gyro's notches that `vibration` proposes. `told` is what the
+    log says of its sweeps, `modes` its flight modes: s after its first stamp, and name; `fits` are
+    the models.
     """
 
     logs: tuple[str, ...]
-    axes: tuple[AxisTuning, ...]
+    vibration: Vibration
+    axes: tuple[AxisTuning, ...] = ()
     remarks: tuple[str, ...] = ()
     told: str = field(default="", repr=False)
     modes: tuple[tuple[float, str], ...] = field(default=(), repr=False)
@@ -199,7 +212,7 @@ class LogTuning(Value):
 
     @property
     def parameters(self) -> AutopilotParameters:
-        """The candidate's parameters, those that change."""
+        """The candidate's parameters, those that change, and the gyro's notches."""
         groups = {
             axis_of(one.axis).word: tuple(
                 Setting(each.name, each.after, str(each)) for each in one.changes
@@ -207,8 +220,12 @@ class LogTuning(Value):
             for one in self.axes
             if one.changes
         }
+        if rows := self.vibration.settings:
+            groups["notches of the gyro"] = tuple(
+                Setting(name, value, _NOTCH[name.split("_")[-1]]) for name, value in rows.items()
+            )
         return AutopilotParameters(
-            f"gains identified from {', '.join(Path(one).name for one in self.logs)}", groups
+            f"gains and notches from {', '.join(Path(one).name for one in self.logs)}", groups
         )
 
 
@@ -218,6 +235,8 @@ def tune_log(
     *,
     required: Required = STANDARD,
     seed: int = 1,
+    rotor_hz: float | None = None,
+    tail: float | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> LogTuning:
     """Return an ArduCopter-heli's loops and better gains, from logs of its SystemID sweeps.
@@ -225,15 +244,21 @@ def tune_log(
     A model is identified of each axis that was swept; today's gains and filters are the logs'. The
     candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
-    models as likely. Logs without a sweep tell today's loops and the feed-forward alone, by what
-    the pilot's sticks or AutoTune moved. Raises StorageError, LogError, IdentificationError, or
-    InputError if no axis can be tuned.
+    models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without a sweep tell
+    today's loops and the feed-forward, by what the pilot's sticks or AutoTune moved, or vibration
+    alone, and a remark says why. Raises StorageError, LogError, IdentificationError, or InputError
+    where the parameters aren't in the log.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
-    if not any(own_sweeps(Path(one)) for one in paths):
-        return _by_sticks(paths, seed, on_step)
-    on_step("models")
-    plant, inferred = logged_plant(paths)
+    on_step("vibration")
+    heard = vibration(paths, rotor_hz=rotor_hz, tail=tail)
+    try:
+        if not any(own_sweeps(Path(one)) for one in paths):
+            return _by_sticks(paths, heard, seed, on_step)
+        on_step("models")
+        plant, inferred = logged_plant(paths)
+    except (LogError, InputError) as error:
+        return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     start = inferred.used[0].start
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
     on_step("loops as flown")
@@ -257,17 +282,20 @@ def tune_log(
 
     def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
         new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
-        return ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
+        changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
+        return replace(changed, notches=heard.laws[1].notches)
 
     asked = {axis: required for axis in axes if axis not in wrong}
     gains, tuned, none = _searched(plants, with_gains, asked, required)
     none |= wrong
+    kept = PredictedLoop.of(plants, with_gains({}))
     found = []
     for axis in axes:
         before = today.figures(axis)
         one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
         if axis in gains:
-            one = _compared(one, tuned[axis], gains[axis], own, plants, required)
+            stays = kept.figures(axis) if heard.settings else before
+            one = _compared(one, stays, tuned[axis], gains[axis], own, plants, required)
         if one.changes:
             before, after = (_noise(plants[0], each, axis) for each in (law, with_gains(gains)))
             one = replace(one, noise=after / before)
@@ -278,7 +306,7 @@ def tune_log(
         one = replace(one, loops={"flown" if one.flown else "today": flew, **one.loops})
         found.append(one)
     return LogTuning(
-        *(tuple(paths), tuple(found), tuple(dict.fromkeys(remarks))),
+        *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
         *(str(inferred), _modes(log), plant.fits),
     )
 
@@ -317,7 +345,9 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
     return Plant(tuple(fits)), found
 
 
-def _by_sticks(paths: Sequence[str], seed: int, on_step: Callable[[str], None]) -> LogTuning:
+def _by_sticks(
+    paths: Sequence[str], heard: Vibration, seed: int, on_step: Callable[[str], None]
+) -> LogTuning:
     """Return what flights without sweeps tell of the feed-forward and of today's loops."""
     on_step("responses")
     logs = [open_dataflash(one, file_digest(one)) for one in map(Path, paths)]
@@ -339,7 +369,7 @@ def _by_sticks(paths: Sequence[str], seed: int, on_step: Callable[[str], None]) 
             )
         axes.append(_fed(AxisTuning(axis, True, figures), models, law, own))
     told = tuple(dict.fromkeys(remarks))
-    return LogTuning(tuple(paths), tuple(axes), told, modes=_modes(logs[0]))
+    return LogTuning(tuple(paths), heard, tuple(axes), told, modes=_modes(logs[0]))
 
 
 def _coherent(
@@ -488,15 +518,16 @@ def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
 
 def _compared(
     one: AxisTuning,
+    stays: Mapping[str, Interval],
     tuned: Mapping[str, Interval],
     gains: Gains,
     own: Mapping[str, float],
     plants: Sequence[Linear],
     required: Required,
 ) -> AxisTuning:
-    """Return an axis with its candidate, or with why today's gains stay."""
-    better = min(tuned[name].value / one.today[name].value for name in ("DRB", ATTITUDE_DRB))
-    if better < _WORTH and not any(lacks(one.today, required)):
+    """Return an axis with its candidate, or with why today's gains, with figures `stays`, stay."""
+    better = min(tuned[name].value / stays[name].value for name in ("DRB", ATTITUDE_DRB))
+    if better < _WORTH and not any(lacks(stays, required)):
         return replace(one, why="today's gains are as good within the margins")
     error = 1.96 * float(np.std([holds(plant, one.axis) for plant in plants[1:]]))
     changes = []

@@ -1,0 +1,92 @@
+"""Vibration in logs of known tones: what turns so, what notches leave, and what is not proposed."""
+
+import numpy as np
+import pytest
+
+from flown_copter import PARAMETERS
+from helisim.handling.arducopter import ArduCopterLaw, Notch
+from helisim.look.vibration import vibration
+from sid_logs import SidLog
+
+OWN = {**PARAMETERS, "SCHED_LOOP_RATE": 400.0, "INS_GYRO_FILTER": 40.0}
+MAIN, TAIL = 28.3, 4.72
+TONES = {1.0: 0.1, 2.0: 0.06, 4.0: 0.06, TAIL: 0.12, 10.0: 0.01}  # turns of the mast -> rad/s
+IN_FLIGHT = np.arange(40_000) / 1000.0
+
+
+def shaken(time, tones=TONES, drift=0.0, noise=0.002):
+    """Return rates of roll, pitch and yaw, (n_time, 3) rad/s; `drift` is of the rotor's speed."""
+    turned = np.cumsum(np.gradient(time) * MAIN * (1.0 + drift * np.sin(0.7 * time)))
+    one = sum((size * np.sin(2.0 * np.pi * n * turned) for n, size in tones.items()), 0.0 * time)
+    noises = np.random.default_rng(1).standard_normal((time.size, 3))
+    return one[:, None] * [1.0, 0.5, 0.2] + noise * noises
+
+
+def a_log(folder, *, batches=(), loops=(), slow=(), rpm=None, own=OWN):
+    log = SidLog(parameters=own, without=("SIDD",))
+    log.define(20, "ISBH", "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate")
+    log.define(21, "ISBD", "QHHaaa", "TimeUS,N,seqno,x,y,z")
+    log.define(22, "IMU", "Qfff", "TimeUS,GyrX,GyrY,GyrZ", units="sEEE", multipliers="F---")
+    log.define(23, "RPM", "Qff", "TimeUS,rpm1,rpm2", units="s--", multipliers="F--")
+    log.write(12, 9_000_000, 28)
+    for n, k in enumerate(range(0, len(batches) - 1023, 1024)):
+        at = 10_000_000 + 1000 * k
+        log.write(20, at, n, n % 2, 0, 938, 1024, at, 1000.0)  # accelerometer and gyro by turns
+        for part in np.split(np.round(938.0 * batches[k : k + 1024]).astype(int), 32):
+            log.write(21, at, n, 0, *part.T.ravel().tolist())
+    if len(loops):
+        rates = np.insert(np.degrees(loops), (0, 1, 1, 2, 2, 3, 3, 3, 3), 0.0, axis=1).T
+        log.messages.append(log._rows(6, 10.0 + np.arange(len(loops)) / 400.0, rates).tobytes())
+    for k, rate in enumerate(slow):
+        log.write(22, 10_000_000 + 40_000 * k, *rate)
+    for k in range(400 * (rpm is not None)):
+        log.write(23, 10_000_000 + 100_000 * k, rpm * (1.0 + 1e-3 * np.sin(k)), 0.0)
+    log.write(12, 54_000_000, 18)
+    return log.save(folder)
+
+
+def test_tones_are_told_by_turns_of_the_rotors_and_notched_where_servos_move(tmp_path):
+    rates = shaken(IN_FLIGHT, drift=0.003)
+    found = vibration(a_log(tmp_path, batches=rates))
+    names = ["1/rev of main", "2/rev of main", "4/rev of main", "1/rev of tail", "10/rev of main"]
+    assert [one.name for one in found.peaks] == names
+    assert [one.logged for one in found.peaks] == pytest.approx([*TONES.values()], rel=0.05)
+    told = [found.settings[f"INS_{one}"] for one in ("HNTCH_HMNCS", "HNTCH_FREQ", "HNTC2_FREQ")]
+    assert told == pytest.approx([0b1011, MAIN, TAIL * MAIN], rel=2e-3)
+    assert all(one.left < 0.05 * one.now for one in found.peaks[:4])
+    assert 2.0 < np.diff(found.lag(20.0)) < 6.0
+    flown = vibration(a_log(tmp_path, batches=rates, own={**OWN, **found.settings}))
+    assert not flown.settings
+    assert flown.peaks[0].now == pytest.approx(found.peaks[0].left, rel=0.01)
+
+
+def test_a_tone_above_half_the_rate_is_told_as_one_that_may_appear_there(tmp_path):
+    found = vibration(a_log(tmp_path, loops=shaken(np.arange(16_000) / 400.0, noise=0.0003)))
+    assert "10/rev of main, if 283 Hz appears there" in [one.name for one in found.peaks]
+
+
+def test_without_tones_or_fast_messages_nothing_is_proposed(tmp_path):
+    quiet = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT, {})))
+    assert (quiet.peaks, quiet.settings) == ((), {})
+    weak = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT, {1.0: 2e-3, 2.0: 2e-3})))
+    assert len(weak.peaks) == 2
+    assert not weak.settings  # no servo moves by them
+    slow = vibration(a_log(tmp_path, slow=shaken(IN_FLIGHT[::40])))
+    assert not slow.settings
+    assert "set INS_LOG_BAT_MASK 1" in slow.remarks[0]
+
+
+@pytest.mark.parametrize(("rpm", "mode", "ref"), [(0.0, 0.0, 0.0), (600.0 * MAIN, 2.0, 0.1)])
+def test_a_notch_follows_rpm_messages_that_are_live_alone(tmp_path, rpm, mode, ref):
+    found = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT), rpm=rpm))
+    assert found.settings["INS_HNTCH_MODE"] == mode
+    assert found.settings["INS_HNTCH_REF"] == pytest.approx(ref, abs=1e-3)
+    assert found.laws[1].notches[0].centre == pytest.approx(MAIN, abs=0.1)
+
+
+def test_the_notch_is_as_deep_and_wide_as_its_parameters_say():
+    notch = {"INS_HNTCH_ENABLE": 1.0, "INS_HNTCH_FREQ": 60.0, "INS_HNTCH_BW": 10.0}
+    law = ArduCopterLaw.of({**OWN, "INS_GYRO_FILTER": 0.0, **notch})
+    assert law.notches == (Notch(60.0, 10.0, 40.0, 3),)
+    passed = np.abs(law.gyro(2.0 * np.pi * np.array([60.0, 120.0, 55.0, 1.0])))
+    assert passed == pytest.approx([0.01, 0.01, 0.71, 1.0], rel=0.03)
