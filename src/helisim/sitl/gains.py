@@ -41,8 +41,9 @@ _CLOSER = ((0.85, 0.95, 1.0, 1.05, 1.15), (0.97, 1.0, 1.03))
 _CORNER = 0.5  # rad/s, of the integral
 # Share of an octave of rejection that an octave of noise costs: on the JR700 half an octave more of
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
-_NOISE = 0.15
+_NOISE = 0.25
 _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below which less buys little
+_LOUD = 2.0  # Most noise, likewise: beyond it a model's rotor promises what no helicopter does
 _LEAST = 1e-12
 _FIRST = 3.0  # 1/s, of the attitude, with which loops are closed until their gains are found
 _EACH = 32  # Gains that are tried at once with all models
@@ -260,7 +261,7 @@ def _unit(term: int, angle: float) -> Gains:
 def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
     """Return which of the gains, (5, n_gains), are the best that will do, None if none will."""
     likely = cuts[0].closed(gains)
-    clear = np.flatnonzero(likely.keeps(required))
+    clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < _LOUD))
     order = clear[np.argsort(-likely.worth(unit)[clear])]
     for start in range(0, order.size, _EACH):
         left = order[start : start + _EACH]
@@ -278,22 +279,26 @@ class _Closed(NamedTuple):
     by_rate: Complex
     noisy: Complex
 
+    def noise(self, unit: float) -> Real:
+        """Return the rms of the command over that of white noise of the gyro, by a unit of P."""
+        left, width = 1.0 / (1.0 + self.loop), np.gradient(_BAND)
+        power = np.sum(np.abs(self.noisy * left / unit) ** 2 * width, axis=1) / np.sum(width)
+        return np.sqrt(power)
+
     def worth(self, unit: float) -> Real:
         """Return the rejection of disturbances less what noise costs, (n_gains,), by a unit of P.
 
         Disturbances are of attitude and rate together, and of attitude alone.
         """
         left = 1.0 / (1.0 + self.loop)
-        width = np.gradient(_BAND)
-        power = np.sum(np.abs(self.noisy * left / unit) ** 2 * width, axis=1) / np.sum(width)
         error = 1.0 / _rejected(left) + 1.0 / _rejected((1.0 + self.by_rate) * left)
-        return -np.log(error) - _NOISE * np.log(_QUIET + np.sqrt(power))
+        return -np.log(error) - _NOISE * np.log(_QUIET + self.noise(unit))
 
     def keeps(self, required: Required) -> NDArray[np.bool_]:
         """Return which loops are stable with the margins, (n_gains,).
 
         The phase of a loop of more than 1 may rise through -180 degrees, past the hover's unstable
-        modes, but not fall through it.
+        modes, but not fall through it more often than it rises.
         """
         loop = self.loop
         first = loop[:, int(np.argmax(_BAND >= 2.0))]
@@ -309,11 +314,12 @@ class _Closed(NamedTuple):
         short = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
         lag = np.abs(behind[:, :-1] + shares * short)
         near = (passes & (np.abs(at) < required.gain)) | (ones & (lag < required.phase))
-        falls = passes & (turn < 0.0) & (at > 0.0)
+        falls = np.sum(np.where(passes & (at > 0.0), -np.sign(turn), 0.0), axis=1)
         return (
             (first.imag < 0.0)
             & (np.abs(first) > 1.0)
-            & ~np.any(near | falls, axis=1)
+            & ~np.any(near, axis=1)
+            & (falls <= 0.0)
             & (-DB_PER_NEPER * np.log(np.abs(1.0 + loop).min(axis=1)) < required.peak)
         )
 
