@@ -31,7 +31,7 @@ _LATE = {"lat": 0.25e-3, "lon": 0.25e-3, "ped": 0.25e-3 + 1.0 / LOOP_RATE}
 
 # rad/s, at which the feed-forward is read: above the hover's slow modes, below the rotor's.
 _HOLDS = 3.0
-_BAND = np.geomspace(0.3, 1250.0, 240)  # rad/s, to half of ArduPilot's 400 Hz
+_BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
 _P = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(1.2, 3.0, 10)])  # In that unit
 _D = np.array([0.0, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P

@@ -505,11 +505,11 @@ def _searched(
 def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
     """Return by how much the worst ends of intervals miss what is required, 0 where they don't.
 
-    A margin that lies beyond the band is none that is missed.
+    A margin that lies beyond the band is none that is missed, in a model as likely neither.
     """
     gain, phase, peak = (figures[name] for name in ("gain_margin", "phase_margin", "DRP"))
     ends = (
-        (gain.value, required.gain - gain.low),
+        (gain.value, required.gain - (gain.low if math.isfinite(gain.low) else gain.value)),
         (phase.value, required.phase - np.radians(phase.low)),
         (peak.value, peak.high - required.peak),
     )
