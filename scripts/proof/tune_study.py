@@ -109,7 +109,8 @@ def main(
         today = tune_log(swept(folder, "opponent", vehicle, rival))
     rows = []
     for one, other in zip(found.axes, today.axes):
-        for name in ("DRB", ATTITUDE_DRB):
+        missed += [] if one.tuned else [f"{one.axis}: {one.why}"]
+        for name in ("DRB", ATTITUDE_DRB) if one.tuned else ():
             ratio = one.tuned[name].value / other.today[name].value
             rows.append((one.axis, name, other.today[name].value, one.tuned[name].value, ratio))
             missed += [f"{one.axis} {name} {ratio:.2f} times"] if ratio < BETTER else []

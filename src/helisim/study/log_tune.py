@@ -42,7 +42,7 @@ _SEARCHED = 40  # of them, that every tried gain must satisfy
 _TRIES = 4  # searches, each with more margin where the last one's intervals had too little
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
 _NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
-_WORTH = 1.03  # ratio of the rejection bandwidth below which today's gains stay
+_WORTH = 1.03  # ratio of 1 / DRB, of both kinds, below which today's gains stay
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -526,8 +526,10 @@ def _compared(
     required: Required,
 ) -> AxisTuning:
     """Return an axis with its candidate, or with why today's gains, with figures `stays`, stay."""
-    better = min(tuned[name].value / stays[name].value for name in ("DRB", ATTITUDE_DRB))
-    if better < _WORTH and not any(lacks(stays, required)):
+    before, after = (
+        sum(1.0 / found[name].value for name in ("DRB", ATTITUDE_DRB)) for found in (stays, tuned)
+    )
+    if before < _WORTH * after and not any(lacks(stays, required)):
         return replace(one, why="today's gains are as good within the margins")
     error = 1.96 * float(np.std([holds(plant, one.axis) for plant in plants[1:]]))
     changes = []
