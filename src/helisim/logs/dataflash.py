@@ -457,10 +457,12 @@ class DataFlash:
                 mine = slice(*np.searchsorted(places, (start, stop)))
                 mine = slice(0, 0) if self.joints[start] else mine
                 back = np.any(np.diff(raw[name][mine]) < 0.0)
-                which = self._which(name) if back else None
-                kept = _in_order(raw[name][mine], None if which is None else which[mine])
-                self.strays[name] += int(mine.stop - mine.start - kept.size)
-                part[name] = places[mine][kept], raw[name][mine][kept]
+                part[name] = places[mine], raw[name][mine]
+                if back:  # else nothing is copied: a log has millions of messages
+                    which = self._which(name)
+                    kept = _in_order(raw[name][mine], None if which is None else which[mine])
+                    self.strays[name] += int(mine.stop - mine.start - kept.size)
+                    part[name] = places[mine][kept], raw[name][mine][kept]
             long = [time[time == time] for _, time in part.values()]
             long = [time for time in long if time.size >= _FEW]
             first = min((float(np.median(time[:3])) for time in long), default=-np.inf)
@@ -470,9 +472,10 @@ class DataFlash:
             for name, (places, time) in part.items():
                 near = ~((time < first - _APART) | (time > last + _APART))
                 self.strays[name] += int(np.count_nonzero(~near))
-                found[name].append((places[near], time[near] + later))
+                kept = slice(None) if near.all() else near
+                found[name].append((places[kept], time[kept] + later if later else time[kept]))
         for name, parts in found.items():
-            places, time = map(np.concatenate, zip(*parts))
+            places, time = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts))
             self._types[name], self._times[name] = (self._types[name][0], places), time
         self._types = {name: one for name, one in self._types.items() if one[1].size}
 
