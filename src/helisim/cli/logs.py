@@ -84,10 +84,14 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
     except IdentificationError as error:
         text = str(error)
         places = [log.where(name) for log in logs for name in log.headings if repr(name) in text]
-        ranges = [(log.report, log.report.parts[0], log.report.parts[-1]) for log in logs]
-        said = "; ".join(
-            places or [f"{r.path}, {r.counts}s {a.first_row} to {b.last_row}" for r, a, b in ranges]
-        )
+        if not places:
+            rows: dict[str, list[str]] = {}  # by file: its path is said once
+            for log in logs:
+                one = log.report
+                span = f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
+                rows.setdefault(str(one.path), []).append(span)
+            places = [f"{path}, {', '.join(spans)}" for path, spans in rows.items()]
+        said = "; ".join(places)
         raise IdentificationError(f"{said}: {text}", remedy=error.remedy) from None
 
 
