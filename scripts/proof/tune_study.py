@@ -20,9 +20,10 @@ import common
 import numpy as np
 
 from helisim.cli import main as command
+from helisim.handling.predicted import ATTITUDE_DRB
 from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_loops
-from helisim.study.log_tune import ATTITUDE_DRB, LogTuning, tune_log
+from helisim.study.log_tune import LogTuning, tune_log
 from helisim.vehicle.parameters import model_folder
 
 AXES = {"lat": "Roll", "lon": "Pitch", "ped": "Yaw"}

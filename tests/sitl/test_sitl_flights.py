@@ -1,6 +1,7 @@
 """ArduPilot's process is started apart from everything, and flown by scripts."""
 
 import re
+import signal
 import sys
 import tempfile
 import time
@@ -192,7 +193,11 @@ def test_a_flight_that_ends_early_keeps_log_and_record(
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     log, record = tmp_path / "kept.bin", tmp_path / "kept.parquet"
     words = ["--script", own, "--ardupilot", fake(tmp_path, rest), "--log", log, "--record", record]
-    assert main(["sitl", *map(str, words)]) == status
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background
+    try:  # of a shell ignores it
+        assert main(["sitl", *map(str, words)]) == status
+    finally:
+        signal.signal(signal.SIGINT, before)
     printed = capsys.readouterr()
     assert re.search(said, printed.err.splitlines()[-1])
     assert f"its log until then is kept: {log}" in printed.err

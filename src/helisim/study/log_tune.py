@@ -4,24 +4,23 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import Value, to_plain
 from helisim.design.plant import Plant
 from helisim.handling.arducopter import WORDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import bandwidth, margins, rejection
+from helisim.handling.figures import margins
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval, figures_of, intervals
 from helisim.handling.measured.margins import MeasuredLoop
+from helisim.handling.predicted import ATTITUDE_DRB, FlownPlant, PredictedLoop
 from helisim.ident import Fit, identify, structures
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
@@ -51,9 +50,8 @@ _STEPS = (
 _SWEEPS = (
     "P, I, D and the angle's gain stay: for those sweep by the mode SystemID, SID_AXIS 10 to 12"
 )
+_AS_GOOD = "today's gains are as good within the margins"
 _UNKNOWN = "its model is known too little: no gains hold the margins in 95 % of those as likely"
-ATTITUDE_DRB = "attitude_DRB"
-"""Figure: DRB of a disturbance of the attitude alone, as of an estimate that drifts, rad/s."""
 _WHYS = {
     "ANG": "the rate that an error of attitude asks for, 1/s: more follows and rejects sooner, "
     "until phase margin and peak end it",
@@ -74,69 +72,6 @@ _NOTCH = {
     "OPTS": "single notches",
 }
 _FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff"}
-
-
-@dataclass(frozen=True, eq=False)
-class FlownPlant:
-    """A model put right by loops as flown: `ratios` of them to the model's, by axis; `Linear`.
-
-    Beyond a ratio's band its ends hold.
-    """
-
-    model: Linear
-    ratios: Mapping[str, Curve]
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The model's commands."""
-        return self.model.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """What the model senses."""
-        return self.model.outputs
-
-    def response(self, frequency: Real) -> Complex:
-        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
-        found = np.array(self.model.response(frequency))
-        for axis, ratio in self.ratios.items():
-            inside = np.clip(frequency, *ratio.frequency[[0, -1]])
-            found[:, self.inputs.index(axis)] *= ratio.at(inside)
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedLoop(ClosedLoop):
-    """The loop of an identified model, with those of models as likely: `intervals` of its figures.
-
-    `draws` are made of the plants that `Plant.draws` returns, each with the same law.
-    """
-
-    draws: tuple[ClosedLoop, ...] = ()
-
-    @classmethod
-    def of(cls, plants: Sequence[Linear], law: ArduCopterLaw) -> Self:
-        """Return it of a plant and those as likely."""
-        first, *others = (ClosedLoop(plant, law) for plant in plants)
-        return cls(first.plant, law, draws=tuple(others))
-
-    def figures(self, axis: str) -> dict[str, Interval]:
-        """Return an axis's figures with their 95 % intervals, cut at the command."""
-        attitude = axis_of(axis).name != "ped"  # of yaw the stick asks for a rate
-
-        def followed(one: ClosedLoop) -> dict[str, float]:
-            quick = bandwidth(one.command(axis))
-            alone = rejection(one.disturbance(axis, "attitude"))
-            return {
-                ATTITUDE_DRB: alone.bandwidth,
-                "bandwidth": quick.phase if attitude else quick.rate,
-            }
-
-        cut, rejected = (
-            intervals(self, partial(figures_of, kind=kind, axis=axis))
-            for kind in ("broken", "disturbance")
-        )
-        return cut | rejected | intervals(self, followed)
 
 
 @dataclass(frozen=True)
@@ -285,25 +220,32 @@ def tune_log(
         changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
         return replace(changed, notches=heard.laws[1].notches)
 
-    asked = {axis: required for axis in axes if axis not in wrong}
-    gains, tuned, none = _searched(plants, with_gains, asked, required)
+    before = {axis: today.figures(axis) for axis in axes}
+    kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
+    stays = {
+        axis: kept.figures(axis) if heard.settings else before[axis]
+        for axis in axes
+        if axis not in wrong
+    }
+    gains, tuned, none = _searched(plants, with_gains, stays, required)
     none |= wrong
-    kept = PredictedLoop.of(plants, with_gains({}))
-    found = []
+    better = with_gains(gains)
+    new, found = PredictedLoop.of(plants[:1], better), []
     for axis in axes:
-        before = today.figures(axis)
-        one = AxisTuning(axis, axis in known, before, why=none.get(axis, ""))
+        flown = axis in known
+        flew = shown.broken(axis) if shown and flown else today.broken(axis)
+        loops = {"flown" if flown else "today": flew}
+        one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
         if axis in gains:
-            stays = kept.figures(axis) if heard.settings else before
-            one = _compared(one, stays, tuned[axis], gains[axis], own, plants, required)
-        if one.changes:
-            before, after = (_noise(plants[0], each, axis) for each in (law, with_gains(gains)))
-            one = replace(one, noise=after / before)
-            new = PredictedLoop(plants[0], with_gains(gains))
+            louder = _noise(plants[0], better, axis) / _noise(plants[0], law, axis)
             remarks += _unseen(new, plants[0], axis)
-            one = replace(one, loops={"predicted": new.broken(axis)})
-        flew = shown.broken(axis) if shown and one.flown else today.broken(axis)
-        one = replace(one, loops={"flown" if one.flown else "today": flew, **one.loops})
+            one = replace(
+                one,
+                noise=louder,
+                tuned=tuned[axis],
+                changes=_changed(axis, gains[axis], own, plants),
+                loops=loops | {"predicted": new.broken(axis)},
+            )
         found.append(one)
     return LogTuning(
         *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
@@ -453,12 +395,13 @@ def _noise(plant: Linear, law: ArduCopterLaw, axis: str) -> float:
 
 def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
     """Return a remark if the gain margin lies beyond the frequencies at which the loop flew."""
-    there = [at for at, size in margins(loop.broken(axis)).gain if size > 0.0]
+    turns = margins(loop.broken(axis)).gain
+    nearest, _ = min(turns, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
     seen = plant.ratios[axis].frequency[-1] if isinstance(plant, FlownPlant) else np.inf
-    if not there or min(there) <= seen:
+    if nearest <= seen:
         return []
     return [
-        f"the gain margin of {axis_of(axis).word} lies at {min(there):.0f} rad/s, beyond "
+        f"the gain margin of {axis_of(axis).word} lies at {nearest:.0f} rad/s, beyond "
         f"{seen:.0f} rad/s, where the sweeps end: let them go on to a higher frequency "
         "(SID_F_STOP_HZ) to know it"
     ]
@@ -473,12 +416,16 @@ def _named(axis: str, gains: Gains) -> dict[str, float]:
 def _searched(
     plants: Sequence[Linear],
     law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
-    asked: dict[str, Required],
+    stays: Mapping[str, Mapping[str, Interval]],
     required: Required,
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
-    """Return gains whose intervals hold what is required, their figures, and why others don't."""
+    """Return gains by axis, their figures, and why other axes have none.
+
+    All figures are of the returned gains together, axes without keeping today's, whose figures
+    `stays` are. Their intervals hold what is required, and they reject more than today's.
+    """
     none: dict[str, str] = {}
-    tries = Counter[str]()
+    tries, asked = Counter[str](), dict.fromkeys(stays, required)
     while asked:
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked)
@@ -489,52 +436,50 @@ def _searched(
         gains = {axis: Gains(*(float(f"{x:.4g}") for x in one)) for axis, one in gains.items()}
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
-        short = {axis: lacks(tuned[axis], required) for axis in gains}
-        if not any(map(any, short.values())):
+        short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
+        dull = [
+            axis
+            for axis in gains
+            if axis not in short
+            and not any(lacks(stays[axis], required))
+            and _error(stays[axis]) < _WORTH * _error(tuned[axis])
+        ]
+        if not short and not dull:
             return gains, tuned, none
-        for axis in (axis for axis in gains if any(short[axis])):
+        for axis, by in short.items():
             tries[axis] += 1
-            by = np.array(asked[axis]) + _BEYOND * np.array(short[axis]) * (1.0, 1.0, -1.0)
-            asked[axis] = Required(*by.tolist())
-            if tries[axis] == _TRIES:
-                none[axis] = _UNKNOWN
-                del asked[axis]
+            more = np.array(asked[axis]) + _BEYOND * np.array(by) * (1.0, 1.0, -1.0)
+            asked[axis] = Required(*more.tolist())
+        lost = [axis for axis in short if tries[axis] == _TRIES]
+        none |= dict.fromkeys(dull, _AS_GOOD) | dict.fromkeys(lost, _UNKNOWN)
+        asked = {axis: one for axis, one in asked.items() if axis not in none}
     return {}, {}, none
 
 
+def _error(figures: Mapping[str, Interval]) -> float:
+    """Return what disturbances leave, s: the sum of 1 / DRB of both kinds."""
+    return sum(1.0 / figures[name].value for name in ("DRB", ATTITUDE_DRB))
+
+
 def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
-    """Return by how much the worst ends of intervals miss what is required, 0 where they don't.
-
-    A margin that lies beyond the band is none that is missed, in a model as likely neither.
-    """
+    """Return by how much the worst ends of intervals miss what is required, 0 where they don't."""
     gain, phase, peak = (figures[name] for name in ("gain_margin", "phase_margin", "DRP"))
-    ends = (
-        (gain.value, required.gain - (gain.low if math.isfinite(gain.low) else gain.value)),
-        (phase.value, required.phase - np.radians(phase.low)),
-        (peak.value, peak.high - required.peak),
+    short = (
+        required.gain - gain.low,
+        required.phase - np.radians(phase.low),
+        peak.high - required.peak,
     )
-    return Required(*(max(0.0, float(short)) if value == value else 0.0 for value, short in ends))
+    return Required(*(max(0.0, float(one)) for one in short))
 
 
-def _compared(
-    one: AxisTuning,
-    stays: Mapping[str, Interval],
-    tuned: Mapping[str, Interval],
-    gains: Gains,
-    own: Mapping[str, float],
-    plants: Sequence[Linear],
-    required: Required,
-) -> AxisTuning:
-    """Return an axis with its candidate, or with why today's gains, with figures `stays`, stay."""
-    before, after = (
-        sum(1.0 / found[name].value for name in ("DRB", ATTITUDE_DRB)) for found in (stays, tuned)
-    )
-    if before < _WORTH * after and not any(lacks(stays, required)):
-        return replace(one, why="today's gains are as good within the margins")
-    error = 1.96 * float(np.std([holds(plant, one.axis) for plant in plants[1:]]))
-    changes = []
-    for name, value in _named(one.axis, gains).items():
+def _changed(
+    axis: str, gains: Gains, own: Mapping[str, float], plants: Sequence[Linear]
+) -> tuple[Changed, ...]:
+    """Return the parameters of an axis's new gains beside the log's own."""
+    error = 1.96 * float(np.std([holds(plant, axis) for plant in plants[1:]]))
+    found = []
+    for name, value in _named(axis, gains).items():
         short = "ANG" if "_ANG_" in name else name.split("_")[-1]
         within = error if short == "FF" else None
-        changes.append(Changed(name, own[name], value, _WHYS[short], within))
-    return replace(one, tuned=tuned, changes=tuple(changes))
+        found.append(Changed(name, own[name], value, _WHYS[short], within))
+    return tuple(found)
