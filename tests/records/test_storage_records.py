@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import helisim as hs
 from helisim import cli
 from helisim.base.errors import StorageError, UnknownNameError
-from helisim.base.files import atomic_write, read_json, read_toml, toml_value, write_json  # noqa: F401
+from helisim.base.files import atomic_write, read_json, read_toml, toml_value, write_json  # noqa: F401  (rows name them)
 from helisim.cli import main
 from helisim.ident import load_fit, structures  # noqa: F401  (rows name it)
 from helisim.logs import Map  # noqa: F401  (rows name it)

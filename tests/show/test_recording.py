@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from command import fails
 from helisim.cli import main
 from helisim.physics.motion import flip
-from helisim.records.record import CHANNELS, POSITIONS, RATES, ROTOR, Channel, FlightRecord, channel  # noqa: F401
+from helisim.records.record import CHANNELS, POSITIONS, RATES, ROTOR, Channel, FlightRecord, channel  # noqa: F401  (rows name them)
 from helisim.records.storage import write_record
 from helisim.show.plots import families
 from helisim.show.recording import model_shapes, write_recording

@@ -1,5 +1,7 @@
 """Better gains from a flight's own log: as predicted, within what is required, or refused."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -70,8 +72,12 @@ def test_new_gains_do_what_is_predicted_of_them(tuned):
 
 
 def test_the_command_line_tells_today_and_then_and_writes_the_gains(logs, tmp_path, capsys, tuned):
-    out = tmp_path / "better.param"
-    assert main(["tune", *map(str, logs), "--out", str(out), "--quiet"]) == 0
+    out, data = tmp_path / "better.param", tmp_path / "found.json"
+    words = [*map(str, logs), "--out", str(out), "--json", str(data), "--quiet"]
+    assert main(["tune", *words]) == 0
+    found = json.loads(data.read_text())
+    assert found["axes"][0]["tuned"]["DRB"]["value"] == tuned.axes[0].tuned["DRB"].value
+    assert "INS_LOG_BAT_MASK" in found["vibration"]["remarks"][0]
     printed = capsys.readouterr().out
     assert "today, as flown" in printed
     assert "ATC_RAT_*_P: full command by rad/s of rate error" in printed
@@ -88,7 +94,14 @@ def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path):
     path = Flown().fly(12).save(tmp_path)
     assert main(["report", str(path), "--quiet"]) == 0
     text = path.with_suffix(".html").read_text(encoding="utf-8")
-    for said in ("systemid", "SID_AXIS 12", "yaw_alone", "loop_ped", "ATC_RAT_YAW_FF"):
+    for said in (
+        "systemid",
+        "SID_AXIS 12",
+        "yaw_alone",
+        "loop_ped",
+        "ATC_RAT_YAW_FF",
+        "INS_LOG_BAT",
+    ):
         assert said in text, said
     assert "ATC_RAT_YAW_FF" in parm_file(path.with_suffix(".param"))
 

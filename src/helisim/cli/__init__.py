@@ -42,12 +42,12 @@ _TASKS = {
 }  # What one does -> the commands for it, as the help has them
 _MODULES = {
     "autopilot": "sitl ardupilot ardupilot_parm ardupilot_export",
-    "design": "design margins",
+    "design": "design margins tune",
     "fitting": "identify structures verify",
     "flying": "fly view",
     "logs": "examples frf look rerun",
     "study": "report reproduce study study_recover study_campaign study_errata",
-    "vehicle": "tune vehicle vehicle_list vehicle_new vehicle_check vehicle_build "
+    "vehicle": "vehicle vehicle_list vehicle_new vehicle_check vehicle_build "
     "vehicle_linearize vehicle_trim vehicle_bench vehicle_calibrate",
 }  # Module -> its commands, one with parts ahead of them
 _COMMANDS = {name: module for module, words in _MODULES.items() for name in words.split()}

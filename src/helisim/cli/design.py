@@ -1,4 +1,4 @@
-"""Commands about control laws: design one, look at one, measure the margins of one that flew."""
+"""Commands about control laws: design one, measure the margins of one that flew, tune one."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from helisim.cli.options import (
     opened,
     print_written,
     progress,
+    replace_parameter_file,
     wrapped,
     write_data,
 )
@@ -231,3 +232,86 @@ def _cuts(o: Options) -> "tuple[Cut, ...] | None":
     return tuple(
         Cut(axis, o.at or "actuators", added, both, back) for axis, added, both, back in parts
     )
+
+
+def tune(o: Options) -> int:
+    """Find better gains, of an autopilot from its log, or of the gyro.
+
+    From logs of SystemID's sweeps: identify models, print what today's gains give and what better
+    ones will, with 95 % intervals; print tones of the gyros and what notches leave of them; write
+    gains and notches as parameters. From logs without sweeps: feed-forward and today's loops, by
+    stick steps or AutoTune's tests, and vibration. Without a log: solve for the
+    gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
+    or the rate command of its parameters; print the loops' margins.
+
+    Options:
+        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID
+        --out FILE <.param .parm =tuned.param>  the new parameters (default: tuned.param)
+        --report FILE <.html>  page on the flight, .html
+        --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
+        --tail-ratio X <float>  turns of the tail rotor for one of it (default: by the tones)
+        @json: of logs, what was found
+        without a log:
+        @vehicle
+        @write: tuned.toml
+        options:
+        @quiet
+
+    examples:
+      helisim tune flight.bin           margins of today, and better gains
+      helisim tune --vehicle jr700      the gyro's settings
+
+    A gain is proposed only if gain margin (6 dB), phase margin (45 deg) and peak
+    (5 dB) hold for 95 % of the models as likely as the identified one.
+
+    Exit status 1: no axis has better gains, and no notch is needed.
+    """
+    if o.logs:
+        return tune_logs(o)
+    from helisim.study.tune import LOOPS, margins, tune
+    from helisim.vehicle import load
+    from helisim.vehicle.parameters import to_toml
+
+    vehicle = load(o.vehicle, tuned=False)
+    with progress(None, o.quiet, unit="trial") as advance:
+        settings = tune(vehicle, on_progress=advance)
+    text = to_toml(settings, "Written by `helisim tune --write`; not by hand.")
+    print(text)
+    print("# Margins: loop, gain (dB), phase (deg), crossover (rad/s)")
+    tuned = vehicle.with_settings(dict(settings))
+    for axis in LOOPS:
+        left = margins(tuned, axis)
+        print(f"# {axis} {left.gain_db:6.1f} {left.phase_deg:6.1f} {left.crossover:6.1f}")
+    if o.write:
+        replace_parameter_file(o, "tuned.toml", text)
+    return 0
+
+
+def tune_logs(o: Options) -> int:
+    """Print today's figures and better gains of logs, and write what options ask for."""
+    from helisim.show import tables
+    from helisim.show.report import write_flight_report
+    from helisim.show.table import as_text, filled
+    from helisim.study.log_tune import tune_log
+
+    with progress(4, o.quiet) as advance:
+        found = tune_log(
+            o.logs, rotor_hz=o.rpm and o.rpm / 60.0, tail=o.tail_ratio, on_step=advance
+        )
+    for one in found.axes:
+        print(f"{as_text(tables.tuning(one))}\n")
+        if one.why:
+            print(f"{filled(f'no new gains: {one.why}')}\n")
+    if found.changes:
+        print(as_text(tables.changes(found.changes)))
+    print(as_text(tables.vibration(found.vibration, found.crossovers)))
+    for remark in found.remarks:
+        print(filled(remark, "- "))
+    write_data(o, found.to_dict())
+    if o.report is not None:
+        print_written(o, write_flight_report(o.report, found))
+    if not found.parameters.settings:
+        return 1
+    found.parameters.write(o.out)
+    print_written(o, f"{o.out}: load it by a ground station, and fly a sweep again")
+    return 0

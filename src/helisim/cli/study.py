@@ -118,7 +118,7 @@ def report(o: Options) -> int:
       helisim report flight.bin
     """
     if o.source.is_file():
-        from helisim.cli.vehicle import tune_logs
+        from helisim.cli.design import tune_logs
 
         o.json, o.rpm, o.tail_ratio, o.logs = None, None, None, [o.source]
         o.report, o.out = map(o.source.with_suffix, (".html", ".param"))

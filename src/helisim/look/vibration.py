@@ -8,14 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks, sosfilt, welch
 
 from helisim.base.arrays import Real
-from helisim.base.settings import Value
+from helisim.base.settings import Value, to_plain
 from helisim.handling.arducopter import GYRO_RATE, NOTCHES, ArduCopterLaw, Notch
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
@@ -88,6 +88,17 @@ class Vibration(Value):
     laws: tuple[ArduCopterLaw, ArduCopterLaw] = field(repr=False)
     settings: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, without spectra; null for what is unknown."""
+        numbers = {"rate": self.rate, "rotor": self.rotor, "tail": self.tail}
+        return {
+            "source": self.source,
+            **{name: one if np.isfinite(one) else None for name, one in numbers.items()},
+            "peaks": to_plain(self.peaks),
+            "settings": dict(self.settings),
+            "remarks": list(self.remarks),
+        }
 
     def lag(self, frequency: float) -> tuple[float, float]:
         """Return the lag of the gyro's filters at rad/s, deg: today's, and the proposed ones'."""

@@ -138,7 +138,14 @@ class LogTuning(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         axes = [one.to_dict() for one in self.axes]
-        return {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)}
+        found = {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)}
+        return found | {"vibration": self.vibration.to_dict()}
+
+    @property
+    def crossovers(self) -> dict[str, float]:
+        """Today's crossovers by the axes' words, rad/s; a usual one where none is known."""
+        found = {axis_of(one.axis).word: one.today["crossover"].value for one in self.axes}
+        return {word: at for word, at in found.items() if math.isfinite(at)} or {"a loop": 20.0}
 
     @property
     def changes(self) -> tuple[Changed, ...]:
