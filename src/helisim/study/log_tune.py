@@ -240,8 +240,8 @@ def tune_log(
     new, found = PredictedLoop.of(plants[:1], better), []
     for axis in axes:
         flown = axis in known
-        flew = shown.broken(axis) if shown and flown else today.broken(axis)
-        loops = {"flown" if flown else "today": flew}
+        flew = shown if shown and flown else ClosedLoop(plants[0], law)
+        loops = {"flown" if flown else "today": flew.broken(axis)}
         one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
         if axis in gains:
             louder = _noise(plants[0], better, axis) / _noise(plants[0], law, axis)
@@ -251,7 +251,7 @@ def tune_log(
                 noise=louder,
                 tuned=tuned[axis],
                 changes=_changed(axis, gains[axis], own, plants),
-                loops=loops | {"predicted": new.broken(axis)},
+                loops=loops | {"predicted": ClosedLoop(plants[0], better).broken(axis)},
             )
         found.append(one)
     return LogTuning(
