@@ -13,7 +13,7 @@ is limited, and how long it may wait: what never ends counts as killed. The phys
 copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
-Wilson interval of 95 %.
+Wilson interval of 95 %. The exit status is 1 if fewer than 85 % are killed.
 """
 
 import argparse
@@ -47,6 +47,7 @@ CPU_LIMIT = 30  # s of a mutant's tests beyond twice what they take by themselve
 WAIT_LIMIT = 10  # times as long by the clock, on a machine with other work
 BUDGET = 30.0  # s of tests for one mutant
 KILLED = ("killed", "time")
+LEAST = 0.85  # share of the mutants that is to be killed
 
 
 @dataclass(frozen=True)
@@ -234,8 +235,8 @@ def table(outcomes: dict[str, list[bool]]) -> str:
     return "\n".join(rows)
 
 
-def main() -> None:
-    """Print survivors and the table, of a copy of the checkout."""
+def main() -> int:
+    """Print survivors and the table, of a copy of the checkout; return 1 below the least share."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("area", choices=PLAN["tests"])
     parser.add_argument("--count", type=int, default=120, help="places that are mutated")
@@ -274,7 +275,9 @@ def main() -> None:
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     total = spent.ru_utime + spent.ru_stime + time.process_time() - started
     print(f"{total / 60:.1f} minutes of CPU time")
+    killed = [one for some in outcomes.values() for one in some]
+    return int(sum(killed) < LEAST * len(killed))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
