@@ -36,7 +36,7 @@ from helisim.sitl.pilot import MODES
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
-_DRAWS = 200  # models as likely as the identified one, of which intervals are made
+_DRAWS = 200  # models that fit as well as the identified one, of which intervals are made
 _SEARCHED = 40  # of them, that every tried gain must satisfy
 _TRIES = 4  # searches, each with more margin where the last one's intervals had too little
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
@@ -51,7 +51,9 @@ _SWEEPS = (
     "P, I, D and the angle's gain stay: for those sweep by the mode SystemID, SID_AXIS 10 to 12"
 )
 _AS_GOOD = "today's gains are as good within the margins"
-_UNKNOWN = "its model is known too little: no gains hold the margins in 95 % of those as likely"
+_UNKNOWN = (
+    "its model is too uncertain: no gains keep the margins in 95 % of the models that fit as well"
+)
 _WHYS = {
     "ANG": "the rate that an error of attitude asks for, 1/s: more follows and rejects sooner, "
     "until phase margin and peak end it",
