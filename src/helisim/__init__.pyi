@@ -8,6 +8,7 @@ from helisim.design.exact import exact_loop as exact_loop
 from helisim.design.laws import AttitudeCommand as AttitudeCommand
 from helisim.design.laws import Law as Law
 from helisim.design.laws import RateCommand as RateCommand
+from helisim.design.laws import Rotorflight as Rotorflight
 from helisim.design.laws import law_of as law_of
 from helisim.design.laws import read_law as read_law
 from helisim.design.laws.state_space import StateSpaceLaw as StateSpaceLaw
