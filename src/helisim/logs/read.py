@@ -14,6 +14,7 @@ from helisim.base.files import first_bytes, read_bytes
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
 from helisim.base.units import unit
+from helisim.logs.blackbox import is_blackbox, open_blackbox
 from helisim.logs.dataflash import is_dataflash, open_dataflash
 from helisim.logs.mapping import (
     LOOK,
@@ -64,7 +65,7 @@ def read_log(
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
-    """Read a flight log: a helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2 or DataFlash.
+    """Read a log: helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2, DataFlash, Blackbox.
 
     `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such;
     `time` names the column of times if they don't. `resample_hz` is the records' rate: by default a
@@ -91,7 +92,7 @@ def read_as(
         return _from_record(path, read_record(path), content, options, names)
     source = _open(path, map_, content)
     if not map_.channels:
-        map_ = map_.with_channels(_stated(source))
+        map_ = map_.with_channels(source.channels or _stated(source))
     return from_source(source, map_, content, options)
 
 
@@ -170,6 +171,8 @@ def is_ours(path: Path) -> bool:
 def _open(path: Path, map_: Map, content: str) -> Source:
     if first_bytes(path, len(ULOG_MAGIC)) == ULOG_MAGIC:
         return open_ulog(path, content)
+    if is_blackbox(path):
+        return open_blackbox(path, content, map_.file.log).source
     if is_dataflash(path):
         return open_dataflash(path, content).source
     data = read_bytes(path)

@@ -1,0 +1,431 @@
+"""Blackbox logs of Betaflight, Rotorflight and their kin, of which a file may hold several.
+
+Columns are named as the firmware does, such as `gyroADC[0]`; what isn't logged every time (`S` and
+`G` frames) has clocks of its own. `axisSum[0]` and so on are added: the sum of a controller's
+terms. The firmware's axes are forward, left and up; channels are forward, right and down.
+
+Sources: Cleanflight, "Blackbox logging internals"; `blackbox.c` of Rotorflight 4.2 to 4.6 and of
+Betaflight 4.2 to 2025.12.
+"""
+
+import re
+import struct
+from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.base.errors import InputError, StorageError, UnknownNameError, check_known
+from helisim.base.files import first_bytes, read_bytes, read_text
+from helisim.base.note import Option
+from helisim.base.settings import FrozenMap
+from helisim.base.text import shown
+from helisim.logs.mapping import Column
+from helisim.logs.report import LogFinding
+from helisim.logs.source import Topics
+from helisim.records.record import ACCELERATIONS, ATTITUDES, RATES
+
+_START = b"H Product:Blackbox flight data recorder"
+_SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
+_LINE = re.compile(rb"H (?:([^\n:]{1,200}):([^\n]{0,20000})|[ -~]{0,2000})\n")
+_RATES = 10_000  # largest intervals between frames, iterations
+_FILL = 8  # bytes of 0xFF at an end, from which on they are an empty memory
+_TERMS = "PIDFBOS"
+_NAMED = 8  # other logs of a file that are named, at most
+_DUMP_BYTES = 1 << 22  # largest dump of the command line
+_PROFILE = re.compile(r"(profile|rateprofile) (\d+)")
+_SETTING = re.compile(r"set (\S+) = (.*)|(servo \d+|mixer input \S+) (.*)")
+
+_CHANNELS: dict[str, Sequence[str]] = {
+    **{"lat": ("mixer[0]", "axisSum[0]"), "lon": ("mixer[1]", "axisSum[1]")},
+    **{"ped": ("mixer[2]", "axisSum[2]"), "col": ("mixer[3]", "setpoint[3]")},
+    **{name: (f"setpoint[{k}]",) for k, name in enumerate(("LAT", "LON", "PED", "COL"))},
+    **{
+        name: [f"{one}[{k}]" for one in ("gyroADC", "gyroData", "gyroRAW", "gyroUnfilt")]
+        for k, name in enumerate(RATES)
+    },
+    **{name: (f"attitude[{k}]",) for k, name in enumerate(ATTITUDES)},
+    **{name: (f"accADC[{k}]", f"accSmooth[{k}]") for k, name in enumerate(ACCELERATIONS)},
+    "rotor_speed": ("headspeed",),
+}
+"""Channel -> fields of Rotorflight, of which the first that is logged counts."""
+_OTHERS: dict[str, dict[str, Sequence[str]]] = {
+    "Rotorflight 4.2": {"col": ("rcCommand[4]",), "COL": ()},
+    "Rotorflight": {},
+    "": {"col": ("setpoint[3]",), "COL": ()},
+}
+"""Firmware -> fields that differ in it; without a mixer, a controller's sum is the command."""
+_TURNED = ("lon", "ped", "LON", "PED", "q", "r", "theta", "ay", "az")
+"""Channels against the firmware's axes: its pitch is nose down, its yaw left but of attitude."""
+_SCALES: dict[str, tuple[float, str]] = {
+    **{"rcCommand[3]": (1.0, "us"), "rcCommand": (2e-3, "1")},
+    **{"setpoint[3]": (1e-3, "1"), "setpoint": (1.0, "deg/s"), "attitude": (0.1, "deg")},
+    **{"BaroAlt": (1.0, "cm"), "altitude": (1.0, "cm"), "vario": (1.0, "cm/s")},
+    **{"servo": (1.0, "us"), "headspeed": (1.0, "rpm"), "tailspeed": (1.0, "rpm")},
+    **{"GPS_coord": (1e-7, "deg"), "GPS_speed": (1.0, "cm/s")},
+    **{"GPS_ground_course": (0.1, "deg"), "axis": (1e-3, "1")},
+}
+_ROTORFLIGHT = _SCALES | {
+    **{"rcCommand[3]": (2e-3, "1"), "rcCommand[4]": (1e-3, "1"), "motor": (1e-3, "1")},
+    **dict.fromkeys(("Vbat", "Vbec", "Vbus", "EscV", "Esc2V"), (0.01, "V")),
+    **dict.fromkeys(("Ibat", "EscI", "Esc2I"), (0.01, "A")),
+    **dict.fromkeys(("govP", "govI", "govD", "govF", "govSum"), (1e-3, "1")),
+    **dict.fromkeys(("govTarget", "govRequest"), (1.0, "rpm")),
+    **dict.fromkeys(("mixer", "axis", "setpoint[3]"), (0.012, "deg")),  # 12 deg at 1000
+    **dict.fromkeys(("mixer[2]", "axis[2]"), (0.024, "deg")),
+}
+_SCALES_OF = {
+    "Rotorflight 4.2": _SCALES
+    | {"rcCommand[3]": (1e-3, "1"), "rcCommand[4]": (2e-3, "1"), "axis": (2e-3, "1")},
+    "Rotorflight": _ROTORFLIGHT,
+    "": _SCALES,
+}
+"""Firmware -> field, all of its axes or one -> what a count is, and in which unit."""
+
+
+class Event(NamedTuple):
+    """An event: its time, s since power-on, kind and numbers; 13 is a setting changed in flight."""
+
+    time: float
+    kind: int
+    numbers: tuple[float, float]
+    text: str = ""
+
+
+def is_blackbox(path: str | PathLike[str]) -> bool:
+    """Return whether a file has a Blackbox log in its first 64 KiB. Raises StorageError."""
+    return _START in first_bytes(path, _SNIFFED)
+
+
+class Blackbox:
+    """A log of a file; `log["gyroADC[0]"]` is a column in the unit that `units` says, if one.
+
+    `log` is its number from 1, by default the largest's; `sizes` are all logs' bytes, `header` its
+    parameters. Raises StorageError if it can't be read, InputError if there is no such log.
+    """
+
+    def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
+        self.path = Path(path)
+        data = read_bytes(path)
+        starts = [one.start() for one in re.finditer(re.escape(_START), data)]
+        if not starts:
+            raise StorageError(f"{path}: no Blackbox log in its {len(data)} bytes")
+        edges = [*starts, len(data)]
+        self.sizes = tuple(stop - start for start, stop in pairwise(edges))
+        if log is not None and not 1 <= log <= len(starts):
+            raise InputError(f"{path}: has logs 1 to {len(starts)}, and {log} was asked for")
+        self.number = log or 1 + int(np.argmax(self.sizes))
+        self._place = f"{path}, log {self.number}" if len(starts) > 1 else str(path)
+        lines, at = _header(data, starts[self.number - 1], edges[self.number])
+        self.header = FrozenMap(lines)
+        self._decode(data, at, edges[self.number])
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """Return a column, (n_time,). Raises UnknownNameError."""
+        check_known("field", [name], self.columns)
+        if name.startswith("axisSum"):
+            terms = [one for one in self._terms(name[-3:]) if one in self._at]
+            total = np.sum([self.raw(one) for one in terms], axis=0)
+            limit = self._number("pidsum_limit_yaw" if "2" in name else "pidsum_limit", np.inf)
+            return np.clip(total, -limit, limit) * self._scale(name)[0]
+        return self.raw(name) * self._scale(name)[0]
+
+    def raw(self, name: str) -> NDArray[np.float64]:
+        """Return a field's counts as logged, (n_time,). Raises UnknownNameError."""
+        check_known("field", [name], self._at)
+        clock, k = self._at[name]
+        values = self._values[clock][:, k]
+        return (values if self._signed[clock][k] else values.view(np.uint32)).astype(np.float64)
+
+    def time(self, clock: str = "main") -> NDArray[np.float64]:
+        """Return times of "main", "slow" or "gps" frames, (n_time,) s since power-on."""
+        if clock not in self._times:
+            raise UnknownNameError("clock", clock, self._times)
+        return 1e-6 * self._times[clock]
+
+    @cached_property
+    def columns(self) -> FrozenMap[str, str]:
+        """Column -> clock: the fields but times, and sums of terms."""
+        sums = (f"axisSum[{k}]" for k in range(3) if {*self._terms(f"[{k}]")} & self._at.keys())
+        named = {name: clock for name, (clock, _) in self._at.items() if name != "time"}
+        return FrozenMap(named | dict.fromkeys(sums, "main"))
+
+    @property
+    def units(self) -> FrozenMap[str, str]:
+        """Column -> unit, where it is known."""
+        known = {name: self._scale(name)[1] for name in self.columns}
+        return FrozenMap({name: unit for name, unit in known.items() if unit})
+
+    @property
+    def firmware(self) -> str:
+        """Name and version of what wrote the log, such as "Rotorflight 4.6.0"; may be empty."""
+        return shown(" ".join(self.header.get("Firmware revision", "").split()[:2]))
+
+    @cached_property
+    def channels(self) -> FrozenMap[str, Column]:
+        """Channel -> column: commands of mixer or controller, what they aim at, and motion."""
+        tail = {"ped": ("axisSum[2]",)} if self._motor_tail else {}
+        own = _CHANNELS | self._of_firmware(_OTHERS) | tail
+        found = {
+            channel: next((one for one in names if one in self.columns), "")
+            for channel, names in own.items()
+        }
+        signs = {channel: -1 if channel in _TURNED else 1 for channel in found}
+        return FrozenMap({c: Column(name, sign=signs[c]) for c, name in found.items() if name})
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events, in their order."""
+        return tuple(
+            Event(1e-6 * time, int(kind), (a, b), self._texts.get((int(a), int(b)), ""))
+            for kind, time, a, b in self._events.tolist()
+        )
+
+    @cached_property
+    def source(self) -> Topics:
+        """The log as a source of columns, with its faults."""
+        return Topics(
+            self.path,
+            "Blackbox",
+            self.columns,
+            self.__getitem__,
+            lambda clock: self._times[clock].astype(np.float64),
+            float(self._times["main"][0]),
+            self.units,
+            self._findings(),
+            self.channels,
+        )
+
+    @property
+    def _motor_tail(self) -> bool:
+        """Whether a motor drives the tail, so that the mixer's yaw is its throttle."""
+        return "mixer[2]" in self._at and "motor[1]" in self._at
+
+    def _terms(self, axis: str) -> list[str]:
+        return [f"axis{letter}{axis}" for letter in _TERMS]
+
+    def _number(self, name: str, default: float) -> float:
+        try:
+            return float(self.header[name].split(",")[0])
+        except (KeyError, ValueError):
+            return default
+
+    def _scale(self, name: str) -> tuple[float, str]:
+        """Return what a count of a column is, and in which unit; "" if none is known."""
+        bare, _, axis = name.rstrip("]").partition("[")
+        if bare.startswith("gyro"):
+            scale = _hex_float(self.header.get("gyro_scale", self.header.get("gyro.scale", "")))
+            return (scale, "deg/s") if scale > 1e-4 else (1.0, "")
+        if bare in ("accADC", "accSmooth"):
+            return 1.0 / max(self._number("acc_1G", 1.0), 1.0), "g"
+        bare = "axis" if bare.startswith("axis") else bare
+        if self._motor_tail and (bare, axis) in (("axis", "2"), ("mixer", "2")):
+            return 1e-3, "1"
+        scales = self._of_firmware(_SCALES_OF)
+        return scales.get(f"{bare}[{axis}]") or scales.get(bare) or (1.0, "")
+
+    def _of_firmware(self, table: Mapping[str, Any]) -> Any:
+        return next(one for name, one in table.items() if self.firmware.startswith(name))
+
+    def _decode(self, data: bytes, start: int, stop: int) -> None:
+        tables, sizes, names, known, every = _tables(self.header, self._place)
+        self._share = every[1] / every[2]  # of iterations that is logged
+        # here, because importing it compiles
+        from helisim.logs.blackbox_frames import EVENT, LETTERS, TEXT, Counts, decode
+
+        bytes_ = np.frombuffer(data, np.uint8)[start:stop]
+        filled = bytes_.size - 1 - int(np.argmax(bytes_[::-1] != 255, axis=0)) if bytes_.size else 0
+        bytes_ = bytes_[: filled + 1] if bytes_.size - filled > _FILL else bytes_
+        count = np.bincount(bytes_, minlength=256)
+        letters = np.full(256, -1, np.int64)
+        for k, letter in enumerate(LETTERS):
+            letters[ord(letter)] = k if k == EVENT or sizes[k] else -1
+        most = [int(count[ord("I")] + count[ord("P")]), *(int(count[ord(one)]) for one in "SG")]
+        rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
+        times = tuple(np.empty(n, np.int64) for n in most)
+        events, counts = np.empty((count[ord("E")] + 1, 4)), np.zeros(10, np.int64)
+        places = [names["I"].index(one) for one in ("loopIteration", "time")]
+        places.append(names["G"].index("time") if "time" in names["G"] else -1)
+        arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
+        decode(bytes_, letters, tables, *arrays, rows, times, events, counts)
+        self.counts = Counts(*counts.tolist())
+        if not self.counts.main:
+            raise StorageError(f"{self._place}: a header, and no frame in {bytes_.size} bytes")
+        clocks = {"main": "I", "slow": "S", "gps": "G"}
+        kept = dict(zip(clocks, self.counts))
+        self._values = {k: one[: kept[k]] for k, one in zip(clocks, rows)}
+        self._times = {k: one[: kept[k]] for k, one in zip(clocks, times) if kept[k]}
+        np.maximum(times[1], times[0][0], out=times[1])  # of S frames ahead of all
+        self._signed = {k: tables[LETTERS.index(one), 0] for k, one in clocks.items()}
+        self._at = {
+            name: (clock, k) for clock in self._times for k, name in enumerate(names[clocks[clock]])
+        }
+        self._events = events[: self.counts.events]
+        texts = ((int(a), int(b)) for kind, _, a, b in self._events.tolist() if kind == TEXT)
+        self._texts = {
+            (a, b): shown(bytes_[a : a + b].tobytes().decode(errors="replace")) for a, b in texts
+        }
+        self._bytes = bytes_.size
+
+    def _lost(self) -> tuple[int, int]:
+        """Return how many frames are missing between others, and in how many places."""
+        from helisim.logs.blackbox_frames import RESUMED
+
+        number = self.raw("loopIteration")
+        resumed = self._events[self._events[:, 0] == RESUMED, 2]
+        lost = np.rint(self._share * np.diff(number)) - 1.0
+        lost[np.isin(number[1:], resumed)] = 0.0
+        return int(np.sum(lost[lost > 0.0])), int(np.count_nonzero(lost > 0.0))
+
+    def _findings(self) -> list[LogFinding]:
+        from helisim.logs.blackbox_frames import ADJUSTED, RESUMED
+
+        own = self.counts
+        lost, places = self._lost()
+        others = [k for k in np.argsort(self.sizes)[::-1].tolist() if k + 1 != self.number]
+        listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
+        more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
+        several = f"log {self.number} of {len(self.sizes)} is read; the others are {listed}{more}"
+        damage = [
+            f"{own.corrupt} places where no whole frame is" * (own.corrupt > 0),
+            f"{own.unfounded} frames without the one that they build on" * (own.unfounded > 0),
+            f"{own.unbelieved} frames whose time or number jumps" * (own.unbelieved > 0),
+            f"{lost} frames missing in {places} places" * (lost > 0),
+        ]
+        damaged = f"{own.main} main frames are whole; {', '.join(filter(None, damage))}"
+        cut = self._bytes - own.last
+        changed, paused = (int(np.sum(self._events[:, 0] == one)) for one in (ADJUSTED, RESUMED))
+        found = (
+            ("logs", several, len(others), (Option("log", str(others[0] + 1 if others else 1)),)),
+            ("corruption", f"{self._place}: {damaged}", sum(own[4:7]) + lost, ()),
+            ("cut off", f"its last {cut} of {self._bytes} bytes are no whole frame", cut, ()),
+            (
+                "adjusted",
+                f"{changed} settings were changed in flight; the header has the first ones",
+                changed,
+                (),
+            ),
+            ("paused", f"logging paused {paused} times", paused, ()),
+        )
+        return [LogFinding(kind, text, helps, n) for kind, text, n, helps in found if n]
+
+
+@lru_cache(maxsize=1)
+def open_blackbox(path: Path, digest: str, log: int | None) -> Blackbox:
+    """Return a log, the last one from a cache by its digest."""
+    return Blackbox(path, log)
+
+
+def read_dump(path: str | PathLike[str]) -> FrozenMap[str, str]:
+    """Return the settings in a dump of the command line, `diff all` or `dump all`: name -> text.
+
+    Of several profiles these are the last selected one's, which is in use. Names are those that are
+    set, `servo 1` and so on, and `mixer input SR` and so on. Raises StorageError.
+    """
+    place, chosen = "", dict[str, str]()
+    found: dict[str, dict[str, str]] = {"": {}}
+    for line in map(str.strip, read_text(path, limit=_DUMP_BYTES).splitlines()):
+        if match := _PROFILE.fullmatch(line):
+            chosen[match[1]] = place = line
+        elif match := _SETTING.fullmatch(line):
+            name, value = (match[1], match[2]) if match[1] else (match[3], match[4])
+            found.setdefault(place if match[1] else "", {})[shown(name)] = shown(value, 500)
+    settings = found[""].copy()
+    for one in chosen.values():
+        settings |= found.get(one, {})
+    if not settings:
+        raise StorageError(f"{path}: no setting in it, such as 'set roll_p_gain = 50'")
+    return FrozenMap(settings)
+
+
+def _header(data: bytes, at: int, stop: int) -> tuple[dict[str, str], int]:
+    """Return the parameters of a log, and where its frames begin."""
+    lines: dict[str, str] = {}
+    while (match := _LINE.match(data, at, stop)) is not None:
+        name, text = (
+            shown((one or b"").decode(errors="replace"), 20_000) for one in match.groups()
+        )
+        lines[name], at = text, match.end()
+    return lines, at
+
+
+def _hex_float(text: str) -> float:
+    """Return a number that is written as its bits; 0 if it isn't."""
+    try:
+        return struct.unpack(">f", int(text, 16).to_bytes(4, "big"))[0]
+    except (ValueError, OverflowError):
+        return 0.0
+
+
+def _integers(lines: Mapping[str, str], name: str, where: str) -> list[int]:
+    """Return the whole numbers of a line of the header, [] without it. Raises StorageError."""
+    found = [one.strip() for one in lines.get(name, "").split(",")]
+    if not all(re.fullmatch(r"-?[0-9]{1,9}|", one) for one in found):
+        said = f"{where}: the header's {name!r} is {shown(lines[name])!r}"
+        raise StorageError(f"{said}, expected whole numbers with commas")
+    return [int(one) for one in found if one]
+
+
+def _integer(lines: Mapping[str, str], name: str, default: int, where: str) -> int:
+    return (_integers(lines, name, where) or [default])[0]
+
+
+class _Tables(NamedTuple):
+    """What `decode` needs of a header; `names` are the fields of main, slow and GPS frames."""
+
+    fields: NDArray[np.int32]
+    sizes: list[int]
+    names: dict[str, list[str]]
+    known: list[int]
+    every: list[int]
+
+
+def _tables(lines: Mapping[str, str], where: str) -> _Tables:
+    """Return what a header says of frames. Raises StorageError if it can't be."""
+    from helisim.logs import blackbox_frames as of
+
+    listed = {one: lines.get(f"Field {one} name", "").split(",") for one in "ISGH"}
+    names = {letter: [one for one in found if one] for letter, found in listed.items()}
+    if not {"loopIteration", "time"} <= {*names["I"]}:
+        raise StorageError(
+            f"{where}: the header names no fields of frames; it is cut off or damaged"
+        )
+    sizes = [len(names["I" if letter == "P" else letter]) for letter in of.LETTERS[:-1]]
+    fields = np.zeros((len(sizes), 3, max(sizes)), np.int32)
+    for k, (letter, size) in enumerate(zip(of.LETTERS, sizes)):
+        for n, kind in enumerate(("signed", "predictor", "encoding")):
+            name = f"Field {'I' if (letter, n) == ('P', 0) else letter} {kind}"
+            numbers = _integers(lines, name, where)
+            unknown = {*numbers} - {*((0, 1), range(of.MINMOTOR + 1), of.ENCODINGS)[n]}
+            if len(numbers) != size or unknown:
+                said = (
+                    f"{kind} {min(unknown)} isn't known" if unknown else f"{len(numbers)} numbers"
+                )
+                raise StorageError(f"{where}: the header's {name!r} of {size} fields: {said}")
+            fields[k, n, :size] = numbers
+        pairs = fields[k, 1, :-1] == of.HOME
+        fields[k, 1, 1:][pairs & (fields[k, 1, 1:] == of.HOME)] = of.HOME_1
+        at = 0
+        while at < size:
+            at += of.ENCODINGS[int(fields[k, 2, at])]
+        if at > size or (of.MOTOR_0 in fields[k, 1] and "motor[0]" not in names["I"]):
+            raise StorageError(f"{where}: the header's {letter} frames lack fields of a group")
+    known = [0] * (of.HOME_1 + 1)
+    known[of.US_1500], known[of.VBATREF] = 1500, _integer(lines, "vbatref", 4095, where)
+    known[of.MINTHROTTLE] = _integer(lines, "minthrottle", 1150, where)
+    known[of.MINMOTOR] = _integer(lines, "motorOutput", known[of.MINTHROTTLE], where)
+    known.append(names["I"].index("motor[0]") if "motor[0]" in names["I"] else 0)
+    every = _integer(lines, "I interval", 32, where)
+    counted, _, of_all = lines.get("P interval", "1").partition("/")
+    rates = {"P": f"{counted},{of_all}" if of_all else f"1,{counted}"}
+    some, all_ = [*_integers(rates, "P", where), 0, 0][:2]
+    all_ = all_ or every  # with 0 there are I frames alone
+    if not (0 < some <= all_ <= _RATES and 0 < every <= 64 * _RATES):
+        said = f"the header's intervals of I and P frames are {every} and {some}/{all_}"
+        raise StorageError(f"{where}: {said}, which can't be")
+    return _Tables(fields, sizes, names, known, [every, some, all_])
