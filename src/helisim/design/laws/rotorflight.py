@@ -7,7 +7,7 @@ Hz, rates deg/s.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -210,7 +210,7 @@ class Rotorflight(Law):
         )
         return cls(
             roll=roll,
-            pitch=pitch,
+            pitch=replace(pitch, d=40.0),
             yaw=YawRotorflight(range=at("tail_pitch_range"), centre=at("tail_pitch_trim")),
             collective=collective,
             rotor="cw" if at("main_direction") > 0.0 else "ccw",

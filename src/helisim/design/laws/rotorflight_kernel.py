@@ -132,7 +132,7 @@ def summed(state, settings, block, off, wanted, collective):
     slow = filtered(state, settings, at + STATE.relax, block + AXIS.relax_filter, wanted)
     off *= max(0.0, 1.0 - settings[block + AXIS.relax] * abs(wanted - slow))
     error, offset = state[at + STATE.error], state[at + STATE.offset]
-    full = state[at + STATE.saturated] > 0.0
+    full = state[at + STATE.saturated] > 0.5  # rounded, it counts loops
     if not (full and error * off > 0.0):
         error = bounded(error + period * off, settings[block + AXIS.limit])
     decay = settings[block + AXIS.decay] * looked_up(settings, block + AXIS.curve, collective)
