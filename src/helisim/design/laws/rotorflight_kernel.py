@@ -45,15 +45,12 @@ _STATES = (
     f"smooth:{SMOOTHING} response error offset saturated lowpass gyro derivative boost relax "
     f"notch:{2 * MOST_NOTCHES}"
 )
-General = namedtuple("General", _named(_GENERAL))
+General = known(namedtuple("General", _named(_GENERAL)))
 """Addresses of the whole law's numbers in its settings."""
-Axis = namedtuple("Axis", _named(_AXIS))
+Axis = known(namedtuple("Axis", _named(_AXIS)))
 """Addresses of an axis's numbers in its block; of collective, those of its stick alone."""
-States = namedtuple("States", _named(_STATES))
+States = known(namedtuple("States", _named(_STATES)))
 """Places of an axis's states behind its first."""
-for _layout in (General, Axis, States):
-    known(_layout)
-
 *_general, ROLL = addressed(_GENERAL)
 *_axis, BLOCK = addressed(_AXIS)
 *_states, OF_AXIS = addressed(_STATES)
@@ -221,8 +218,7 @@ def mixed(state, settings, wanted, of_roll, of_pitch, of_yaw):
     pitch = limited(state, settings, PITCH, p + i + d + f + b + o)
     p, i, d, f, b, o = of_yaw
     yaw = limited(state, settings, YAW, p + i + d + f + b + o + ahead)
-    col = settings[COLLECTIVE + AXIS.centre] + wanted[3]
-    col = bounded(col, settings[COLLECTIVE + AXIS.most])
+    col = bounded(settings[COLLECTIVE + AXIS.centre] + wanted[3], settings[COLLECTIVE + AXIS.most])
     beyond = math.sqrt(roll**2 + pitch**2) * settings[GENERAL.ring]
     if beyond > 1.0:
         roll, pitch = roll / beyond, pitch / beyond

@@ -9,7 +9,7 @@ from helisim.records.record import AXES
 from helisim.sim.missions.autopilot import Autopilot
 from helisim.sim.missions.mission import Mission
 
-_FAR = 20.0  # m, of the field in which it stays, north and east
+_FAR = 12.0  # m, of the field in which it stays, north and east
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,19 +26,25 @@ class Everyday(Mission):
 
     def fly(self, pilot: Autopilot) -> Iterator[None]:
         """Fly one after the other until the time is over."""
-        parts: dict[str, Callable[[Autopilot], Iterator[None]]] = {
-            "corrections": self._corrections,
-            "circuit": self._circuit,
-            "hard stop": self._stop,
-            "pirouette": self._pirouette,
-            "pitch pump": self._pump,
-            "roll": self._roll,
-        }
+        for _ in self._flown(pilot):
+            yield
+            if pilot.seen.time > self.duration - 1.5 * pilot.seconds:
+                return
+
+    def _flown(self, pilot: Autopilot) -> Iterator[None]:
+        parts: tuple[tuple[str, Callable[[Autopilot], Iterator[None]]], ...] = (
+            ("corrections", self._corrections),
+            ("circuit", self._circuit),
+            ("hard stop", self._stop),
+            ("pirouette", self._pirouette),
+            ("pitch pump", self._pump),
+            ("roll", self._roll),
+        )
         yield from pilot.hold(2.0)
         while True:
-            for name in pilot.rng.permutation(list(parts)):
+            for name, part in (parts[k] for k in pilot.rng.permutation(len(parts))):
                 pilot.say(name)
-                yield from parts[name](pilot)
+                yield from part(pilot)
                 yield from pilot.hold(pilot.rng.uniform(0.5, 2.0))
 
     def _corrections(self, pilot: Autopilot) -> Iterator[None]:
@@ -49,7 +55,7 @@ class Everyday(Mission):
             yield from pilot.hold(pilot.rng.uniform(0.1, 0.8))
 
     def _circuit(self, pilot: Autopilot) -> Iterator[None]:
-        corners = pilot.rng.uniform(-_FAR, _FAR, (3, 2))
+        corners = pilot.rng.uniform(-_FAR, _FAR, (2, 2))
         for north, east in corners:
             course = math.atan2(east - pilot.wanted.east, north - pilot.wanted.north)
             yield from self._face(pilot, course)
