@@ -29,7 +29,7 @@ from helisim.look.sticks import StickResponse, stick_response
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
-from helisim.records.record import one_blas_thread
+from helisim.records.record import ATTITUDES, RATES, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
 from helisim.sitl.pilot import MODES
@@ -205,6 +205,11 @@ def tune_log(
         return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     start = inferred.used[0].start
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
+    if plant.still:
+        remarks.append(
+            f"no model tells {', '.join(plant.still)}: taken to be held; sweep roll, pitch and yaw "
+            "(SID_AXIS 10 to 12), each once, for what the axes do to each other"
+        )
     on_step("loops as flown")
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
     law = flown_law(log, start + log.begins)
@@ -293,7 +298,9 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
         structure = structures.named(fit.structure)
         band = followed_band(estimate, structure, fit.band)
         fits.append(identify(estimate, structure, band=band))
-    return Plant(tuple(fits)), found
+    known = Plant(tuple(fits)).outputs
+    still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
+    return Plant(tuple(fits), still=still), found
 
 
 def _by_sticks(
