@@ -245,7 +245,7 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
 
 
 def _parameters(o: Options) -> tuple[str, str]:
-    """Return a file's text and where it is from; made ones are of calm air, whatever it flies in."""
+    """Return a file's text and where it is from; made ones are of calm air."""
     from helisim.sitl.parameters import parameters_for
 
     vehicle = loaded(o)
