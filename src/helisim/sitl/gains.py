@@ -47,6 +47,7 @@ _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below wh
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
 _LOUD = 2.0
+_FAINT = 0.4  # Noise, likewise, that moves no servo much
 _LEAST = 1e-12
 _FIRST = 3.0  # 1/s, of the attitude, with which loops are closed until their gains are found
 _EACH = 32  # Gains that are tried at once with all models
@@ -54,11 +55,16 @@ _SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehic
 
 
 class Required(NamedTuple):
-    """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB."""
+    """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB, and most noise.
+
+    The last is the rms of the command over that of white noise of the gyro, of full command by
+    rad/s; `_FAINT` is always allowed.
+    """
 
     gain: float
     phase: float
     peak: float
+    noise: float = np.inf
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -269,7 +275,8 @@ def _unit(term: int, angle: float) -> Gains:
 def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
     """Return which of the gains, (5, n_gains), are the best that will do, None if none will."""
     likely = cuts[0].closed(gains)
-    clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < _LOUD))
+    most = min(_LOUD, max(_FAINT, required.noise / unit))
+    clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < most))
     order = clear[np.argsort(-likely.worth(unit)[clear])]
     for start in range(0, order.size, _EACH):
         left = order[start : start + _EACH]
