@@ -361,6 +361,13 @@ def test_a_log_says_full_travel_and_the_hover_and_whence_its_rotor_speed(tmp_pat
     assert found.full == dict.fromkeys(("lat", "lon", "ped", "col"), 1.0)
     assert "9000 rpm, is the motor's" in str(found)
     assert found.known_by["lean"] == "ANG.Roll, median of the sweeps"
+    assert "its EKF estimates none" in found.words("wind")
+    log.define(17, "XKF2", "QBff", "TimeUS,C,VWN,VWE", units="s#nn", multipliers="F---")
+    log.write(17, log.us + 5_000_000, 0, 0.0, -3.0)
+    windy = infer(one_sweep(tmp_path, log=log, slip=True)).logs[0].conditions
+    assert windy.words("wind") == (
+        "wind 3 m/s (the EKF's, XKF2, median of the sweeps, from 90 deg)"
+    )
     given = infer(tmp_path / "a.bin", channels={"ped": Column("RATE.YOut", "1", sign=-1)})
     assert "ped" not in given.logs[0].conditions.full
 

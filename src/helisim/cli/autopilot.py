@@ -26,7 +26,6 @@ from helisim.cli.options import (
 if TYPE_CHECKING:
     from helisim.sitl import Aircraft, Frame, Link, Sensed
     from helisim.sitl.pilot import Pilot, Steps
-    from helisim.vehicle import Vehicle
 
 _EACH = 10.0  # s of the clock between two lines that say how far a flight is
 
@@ -223,7 +222,7 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
     from helisim.sitl import find_program, fly_script
 
     program = find_program(o.ardupilot)
-    own, source = _parameters(o, aircraft.vehicle)
+    own, source = _parameters(o)
     pilots: list[Pilot] = []
 
     def seen(pilot: "Pilot") -> "Steps":
@@ -245,9 +244,11 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
     return 0
 
 
-def _parameters(o: Options, vehicle: "Vehicle") -> tuple[str, str]:
+def _parameters(o: Options) -> tuple[str, str]:
+    """Return a file's text and where it is from; made ones are of calm air."""
     from helisim.sitl.parameters import parameters_for
 
+    vehicle = loaded(o)
     path = o.parm or vehicle.folder / f"{vehicle.name}.parm"
     if o.parm is None and not path.is_file():
         return parameters_for(vehicle).text, f"made of {vehicle.name}, as by helisim ardupilot parm"

@@ -30,7 +30,7 @@ class Plant(Value):
     `late` by s, the law sees sticks late by `stick_latency`, s, and uses rates `latency`, s, after
     sensing; half the `period`, s, of the gyro's ticks is among a fit's delays already. `tilt` is
     the steady roll and pitch angle, rad; `values` are parameters of each fit, by default those
-    found.
+    found. Rates and angles that are `still` are sensed and don't move.
     """
 
     fits: tuple[Fit, ...]
@@ -40,6 +40,7 @@ class Plant(Value):
     tilt: tuple[float, float] = (0.0, 0.0)
     stick_latency: Mapping[str, float] = field(default_factory=dict)
     values: tuple[Mapping[str, float], ...] = ()
+    still: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.values:
@@ -80,7 +81,7 @@ class Plant(Value):
         """Rates, their angles, velocity down and acceleration along it."""
         known = self.sensed
         angles = tuple(angle for rate, angle in zip(RATES, ANGLES) if rate in known)
-        return (*known, *angles, *(("az",) if "w" in known else ()))
+        return (*known, *angles, *(("az",) if "w" in known else ()), *self.still)
 
     @property
     def axes(self) -> tuple[str, ...]:

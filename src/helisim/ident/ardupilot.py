@@ -57,7 +57,7 @@ _OPTIONS = {
     "rotor_speed": Option("rpm", "RPM"),
     "hover": Option("hover", "SHARE"),
     "lean": Option("lean", "DEG"),
-}  # What says a fact of `FACTS`
+}  # Facts of `FACTS` that the file needs, and what says them
 _OWN = {"col": "w", "lon": "q", "lat": "p", "ped": "r"}
 _BY_ITSELF: dict[Place, float] = {
     **{("phi", "p"): 1.0, ("theta", "q"): 1.0},
@@ -170,7 +170,7 @@ def _facts(
         scales = ", ".join(f"{one} {own.full[one]:g}" for one in names if one in own.full)
         if scales:
             said.append(f"ArduPilot's 1 is {scales} of {fit.structure.name} ({own.why('full')})")
-    for name in (name for name in FACTS if name not in facts):
+    for name in (name for name in _OPTIONS if name not in facts):
         own = [one for fit in fits if getattr(one := fit.data.conditions, name) is not None]
         if not own:
             why = dict.fromkeys(fit.data.conditions.why(name) for fit in fits)

@@ -14,6 +14,7 @@ FACTS: Mapping[str, str] = {
     "rotor_speed": "rotor speed",
     "hover": "hover collective",
     "lean": "hover lean",
+    "wind": "wind",
 }
 """What flights say besides full travel, and its words."""
 _OURS = {name: 1.0 if name.lower() == "col" else 0.5 for name in (*IN1, *IN2)}
@@ -30,6 +31,7 @@ class Conditions(Checked):
         rotor_speed: rad/s.
         hover: collective, a share of its range from 0 to 1.
         lean: bank, rad, to the right.
+        wind: m/s, of which the derivatives by speeds are.
         known_by: name in `FACTS`, or "full" -> where it is from, or why it is unknown.
     """
 
@@ -37,6 +39,7 @@ class Conditions(Checked):
     rotor_speed: float | None = setting(None, unit="rad/s", above=0.0)
     hover: float | None = setting(None, low=0.0, high=1.0)
     lean: float | None = setting(None, unit="rad")
+    wind: float | None = setting(None, unit="m/s", low=0.0)
     known_by: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -66,8 +69,13 @@ class Conditions(Checked):
         value = getattr(self, name)
         if value is None:
             return f"{FACTS[name]} unknown ({self.why(name)})"
-        shown = {"rotor_speed": f"{value:.5g} rad/s", "lean": f"{math.degrees(value):.3g} deg"}
-        return f"{FACTS[name]} {shown.get(name, f'{value:.3g} of its range')} ({self.why(name)})"
+        shown = {
+            "rotor_speed": f"{value:.5g} rad/s",
+            "hover": f"{value:.3g} of its range",
+            "lean": f"{math.degrees(value):.3g} deg",
+            "wind": f"{value:.2g} m/s",
+        }
+        return f"{FACTS[name]} {shown[name]} ({self.why(name)})"
 
     def __str__(self) -> str:
         full = ", ".join(f"{name} {value:g}" for name, value in self.full.items()) or "unknown"
@@ -87,11 +95,13 @@ def _of_one(record: FlightRecord) -> Conditions:
         "rotor_speed": middle.get("rotor_speed", nominal),
         "hover": min(max(middle["col"] + 0.5, 0.0), 1.0) if "col" in middle else None,
         "lean": middle.get("phi"),
+        "wind": facts["weather"].get("wind", 0.0) if "weather" in facts else None,
     }
     said = {
         "rotor_speed": "rotor_speed, median" if measured else "the vehicle's main_rotor.speed",
         "hover": "col, median",
         "lean": "phi, median",
+        "wind": "the flight's weather",
     }
     known = {name: text for name, text in said.items() if values[name] is not None}
     return Conditions(full=_OURS, known_by={"full": "helisim's own record", **known}, **values)

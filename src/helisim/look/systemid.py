@@ -1,5 +1,6 @@
 """Infers an identification from logs of ArduPilot's mode SystemID."""
 
+import cmath
 import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -489,6 +490,17 @@ def _conditions(log: DataFlash, channels: Sequence[TakenChannel], spans: Spans) 
         motor = _flown(log, "ESC", "RPM", spans)
         told = f"; ESC.RPM, {np.median(motor):.5g} rpm, is the motor's" if motor.size else ""
         known["rotor_speed"] = f"no RPM message, and H_RSC_MODE isn't 4, ArduPilot's governor{told}"
+    north, east = (_flown(log, "XKF2", field, spans) for field in ("VWN", "VWE"))
+    if np.any(north) or np.any(east):
+        middle = complex(np.median(north), np.median(east))
+        found["wind"] = abs(middle)
+        blows = math.degrees(cmath.phase(-middle)) % 360.0
+        known["wind"] = f"the EKF's, XKF2, median of the sweeps, from {blows:.0f} deg"
+    else:
+        known["wind"] = (
+            "its EKF estimates none; steady lean tells none either, of a helicopter, which the "
+            "tail rotor leans more: sweep in a calm, as derivatives by speeds change with it"
+        )
     own = [one for one in channels if one.column.column in _OUTPUTS and one.why != "given"]
     return Conditions(full={one.name: 1.0 for one in own}, known_by=known, **found)
 

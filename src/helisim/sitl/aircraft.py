@@ -142,6 +142,8 @@ class Aircraft(Live):
         if not self.crashed:
             self.crashed = self.struck()
             if self.crashed:
+                blown = f", in a wind of {self.weather.wind:g} m/s" if self.weather.wind else ""
+                self.crashed += blown
                 self._crash_time, self._slow_rotor = self.time, 0.0
                 act = self.data.act[self._where.state :]
                 act[STATE.speed : STATE.fuel + 1] = 0.0

@@ -39,6 +39,7 @@ _ANGLE = np.linspace(1.0, 12.0, 23)  # 1/s, as far as ArduPilot's own range goes
 _CLOSER = ((0.85, 0.95, 1.0, 1.05, 1.15), (0.97, 1.0, 1.03))
 """Factors of the best gains that are tried after the grid, and after those."""
 _CORNER = 0.5  # rad/s, of the integral
+_SLOWEST = 2.0  # rad/s, below which no attitude is held
 # Share of an octave of rejection that an octave of noise costs: on the JR700 half an octave more of
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
 _NOISE = 0.25
@@ -46,17 +47,24 @@ _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below wh
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
 _LOUD = 2.0
+_FAINT = 0.4  # Noise, likewise, that moves no servo much
 _LEAST = 1e-12
 _FIRST = 3.0  # 1/s, of the attitude, with which loops are closed until their gains are found
 _EACH = 32  # Gains that are tried at once with all models
+_SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehicle can be
 
 
 class Required(NamedTuple):
-    """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB."""
+    """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB, and most noise.
+
+    The last is the rms of the command over that of white noise of the gyro, of full command by
+    rad/s; `_FAINT` is always allowed.
+    """
 
     gain: float
     phase: float
     peak: float
+    noise: float = np.inf
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -234,17 +242,21 @@ def _best(
         [_Known.of(law({**now, axis: _unit(term, angle)})) for angle in (0.0, 1.0)]
         for term in range(4)
     ]
-    cuts = [_Cut.of(plant, units, axis) for plant in plants]
     own = responses(plants[0], _BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
     unit = 1.0 / float(np.interp(_TELLS, _BAND, np.abs(own)))
     grid = np.array(np.meshgrid(_P * unit, _D, _ANGLE)).reshape(3, -1)
     grid[1] *= grid[0]
     p, _, d, ff, angle = now[axis]
+
+    def gains_of(tried: Real) -> Real:
+        p, d, angle = tried
+        return np.array([p, _CORNER * (ff + p), d, np.full_like(p, ff), angle])
+
+    cuts = [_Cut.of(plant, units, axis, gains_of(grid[:, ::_SOME])) for plant in plants]
     near = np.array(np.meshgrid(*np.outer((p, d, angle), closer))).reshape(3, -1)
     near[2] = np.minimum(near[2], _ANGLE[-1])
     for tried in (near, grid):
-        p, d, angle = tried
-        gains = np.array([p, _CORNER * (ff + p), d, np.full_like(p, ff), angle])
+        gains = gains_of(tried)
         best = _first(cuts, gains, unit, required)
         if best is not None:
             return Gains(*gains[:, best].tolist())
@@ -263,7 +275,8 @@ def _unit(term: int, angle: float) -> Gains:
 def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
     """Return which of the gains, (5, n_gains), are the best that will do, None if none will."""
     likely = cuts[0].closed(gains)
-    clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < _LOUD))
+    most = min(_LOUD, max(_FAINT, required.noise / unit))
+    clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < most))
     order = clear[np.argsort(-likely.worth(unit)[clear])]
     for start in range(0, order.size, _EACH):
         left = order[start : start + _EACH]
@@ -275,11 +288,27 @@ def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required)
 
 
 class _Closed(NamedTuple):
-    """Loops of many gains, (n_gains, n_freq) each: L, its part by the rate, command over noise."""
+    """Loops of many gains, (n_gains, n_freq) each: L, its part by the rate, command over noise.
+
+    `beside` is another loop of the same vehicle, (n_freq,), and `least` how many more poles than
+    its grow with the stablest gains that are known.
+    """
 
     loop: Complex
     by_rate: Complex
     noisy: Complex
+    beside: Complex
+    least: float = 0.0
+
+    def growing(self) -> Real:
+        """Return how many more poles grow than those of the loop `beside`, (n_gains,).
+
+        By Nyquist's criterion: both have the same open loop's poles, so the turns of
+        (1 + L) / (1 + L beside) about 0 count those of the closed loop alone.
+        """
+        ratio = (1.0 + self.loop) / (1.0 + self.beside)
+        turned = np.sum(np.angle(ratio[:, 1:] / ratio[:, :-1]), axis=1)
+        return -np.round((turned + np.angle(ratio[:, 0]) - np.angle(ratio[:, -1])) / np.pi)
 
     def noise(self, unit: float) -> Real:
         """Return the rms of the command over that of white noise of the gyro, by a unit of P."""
@@ -297,13 +326,13 @@ class _Closed(NamedTuple):
         return -np.log(error) - _NOISE * np.log(_QUIET + self.noise(unit))
 
     def keeps(self, required: Required) -> NDArray[np.bool_]:
-        """Return which loops are stable with the margins, (n_gains,).
+        """Return which loops are stable with the margins, (n_gains,), as far as gains can be.
 
-        The phase of a loop of more than 1 may rise through -180 degrees, past the hover's unstable
-        modes, but not fall through it more often than it rises.
+        At the last crossover a loop lags by less than 180 degrees: a wrong sign is none.
         """
         loop = self.loop
-        first = loop[:, int(np.argmax(_BAND >= 2.0))]
+        above = np.abs(loop) > 1.0
+        last = _BAND.size - 1 - np.argmax(above[:, ::-1], axis=1)
         size = DB_PER_NEPER * np.log(np.maximum(np.abs(loop), _LEAST))
         behind = np.angle(-loop)
         turn = np.diff(behind, axis=1)
@@ -316,12 +345,11 @@ class _Closed(NamedTuple):
         short = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
         lag = np.abs(behind[:, :-1] + shares * short)
         near = (passes & (np.abs(at) < required.gain)) | (ones & (lag < required.phase))
-        falls = np.sum(np.where(passes & (at > 0.0), -np.sign(turn), 0.0), axis=1)
         return (
-            (first.imag < 0.0)
-            & (np.abs(first) > 1.0)
+            (self.growing() <= self.least)
+            & np.any(above[:, _BAND >= _SLOWEST], axis=1)
+            & (loop[np.arange(len(loop)), last].imag < 0.0)
             & ~np.any(near, axis=1)
-            & (falls <= 0.0)
             & (-DB_PER_NEPER * np.log(np.abs(1.0 + loop).min(axis=1)) < required.peak)
         )
 
@@ -336,17 +364,24 @@ def _rejected(left: Complex) -> Real:
     return _BAND[first] * (_BAND[1] / _BAND[0]) ** share
 
 
-@dataclass(frozen=True, eq=False)
-class _Cut:
-    """One axis's loop by each unit of P, I, D and FF, (4, n_freq) each: by rate and by angle."""
+class _Cut(NamedTuple):
+    """One axis's loop by each unit of P, I, D and FF, (4, n_freq) each: by rate and by angle.
+
+    `beside` and `least` are as of `_Closed`.
+    """
 
     by_rate: Complex
     by_angle: Complex
     noisy: Complex  # The command over the gyro's noise
+    beside: Complex
+    least: float = 0.0
 
     @classmethod
-    def of(cls, plant: _Known, units: Sequence[Sequence[_Known]], axis: str) -> "_Cut":
-        """Return it by laws with a unit of each term, without and with the attitude's gain."""
+    def of(cls, plant: _Known, units: Sequence[Sequence[_Known]], axis: str, some: Real) -> "_Cut":
+        """Return it by laws with a unit of each term, without and with the attitude's gain.
+
+        The stablest of `some` gains, (5, n_gains), tell which are stable.
+        """
         rows = []
         for one, turned in units:
             by_rate, both = (
@@ -354,10 +389,13 @@ class _Cut:
             )
             sensed = one.inputs.index(axis_of(axis).rate or "")
             rows.append((by_rate, both - by_rate, one.responses[one.outputs.index(axis), sensed]))
-        return cls(*map(np.array, zip(*rows)))
+        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size))
+        found = found._replace(beside=found.closed(some[:, :1]).loop[0])
+        return found._replace(least=float(found.closed(some).growing().min()))
 
     def closed(self, gains: Real) -> _Closed:
         """Return the loops of gains, (5, n_gains)."""
         terms, angle = gains[:4].T, gains[4][:, None]
         by_rate = terms @ self.by_rate
-        return _Closed(by_rate + angle * (terms @ self.by_angle), by_rate, terms @ self.noisy)
+        loop = by_rate + angle * (terms @ self.by_angle)
+        return _Closed(loop, by_rate, terms @ self.noisy, self.beside, self.least)

@@ -29,7 +29,7 @@ from helisim.look.sticks import StickResponse, stick_response
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
-from helisim.records.record import one_blas_thread
+from helisim.records.record import ATTITUDES, RATES, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
 from helisim.sitl.pilot import MODES
@@ -42,6 +42,7 @@ _TRIES = 4  # searches, each with more margin where the last one's intervals had
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
 _NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
 _WORTH = 1.03  # ratio of 1 / DRB, of both kinds, below which today's gains stay
+_LOUDER = 1.5  # most noise of the command, of that of today's gains
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -205,6 +206,11 @@ def tune_log(
         return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     start = inferred.used[0].start
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
+    if plant.still:
+        remarks.append(
+            f"no model tells {', '.join(plant.still)}: taken to be held; sweep roll, pitch and yaw "
+            "(SID_AXIS 10 to 12), each once, for what the axes do to each other"
+        )
     on_step("loops as flown")
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
     law = flown_law(log, start + log.begins)
@@ -230,13 +236,15 @@ def tune_log(
         return replace(changed, notches=heard.laws[1].notches)
 
     before = {axis: today.figures(axis) for axis in axes}
+    noise = {axis: _noise(plants[0], law, axis) for axis in axes}
     kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
     stays = {
         axis: kept.figures(axis) if heard.settings else before[axis]
         for axis in axes
         if axis not in wrong
     }
-    gains, tuned, none = _searched(plants, with_gains, stays, required)
+    asked = {axis: required._replace(noise=_LOUDER * noise[axis]) for axis in stays}
+    gains, tuned, none = _searched(plants, with_gains, stays, asked)
     none |= wrong
     better = with_gains(gains)
     new, found = PredictedLoop.of(plants[:1], better), []
@@ -246,7 +254,7 @@ def tune_log(
         loops = {"flown" if flown else "today": flew.broken(axis)}
         one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
         if axis in gains:
-            louder = _noise(plants[0], better, axis) / _noise(plants[0], law, axis)
+            louder = _noise(plants[0], better, axis) / noise[axis]
             remarks += _unseen(new, plants[0], axis)
             one = replace(
                 one,
@@ -293,7 +301,9 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
         structure = structures.named(fit.structure)
         band = followed_band(estimate, structure, fit.band)
         fits.append(identify(estimate, structure, band=band))
-    return Plant(tuple(fits)), found
+    known = Plant(tuple(fits)).outputs
+    still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
+    return Plant(tuple(fits), still=still), found
 
 
 def _by_sticks(
@@ -426,7 +436,7 @@ def _searched(
     plants: Sequence[Linear],
     law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
     stays: Mapping[str, Mapping[str, Interval]],
-    required: Required,
+    required: Mapping[str, Required],
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
     """Return gains by axis, their figures, and why other axes have none.
 
@@ -434,7 +444,7 @@ def _searched(
     `stays` are. Their intervals hold what is required, and they reject more than today's.
     """
     none: dict[str, str] = {}
-    tries, asked = Counter[str](), dict.fromkeys(stays, required)
+    tries, asked = Counter[str](), dict(required)
     while asked:
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked)
@@ -445,19 +455,19 @@ def _searched(
         gains = {axis: Gains(*(float(f"{x:.4g}") for x in one)) for axis, one in gains.items()}
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
-        short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
+        short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required[axis]))}
         dull = [
             axis
             for axis in gains
             if axis not in short
-            and not any(lacks(stays[axis], required))
+            and not any(lacks(stays[axis], required[axis]))
             and _error(stays[axis]) < _WORTH * _error(tuned[axis])
         ]
         if not short and not dull:
             return gains, tuned, none
         for axis, by in short.items():
             tries[axis] += 1
-            more = np.array(asked[axis]) + _BEYOND * np.array(by) * (1.0, 1.0, -1.0)
+            more = np.array(asked[axis]) + _BEYOND * np.array(by) * (1.0, 1.0, -1.0, 0.0)
             asked[axis] = Required(*more.tolist())
         lost = [axis for axis in short if tries[axis] == _TRIES]
         none |= dict.fromkeys(dull, _AS_GOOD) | dict.fromkeys(lost, _UNKNOWN)
@@ -478,7 +488,7 @@ def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
         required.phase - np.radians(phase.low),
         peak.high - required.peak,
     )
-    return Required(*(max(0.0, float(one)) for one in short))
+    return Required(*(max(0.0, float(one)) for one in short), noise=0.0)
 
 
 def _changed(
