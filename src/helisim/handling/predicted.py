@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.linear import Linear
-from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.handling.loop import Curve, axis_of
@@ -49,6 +48,15 @@ class FlownPlant:
         return found
 
 
+class Ticking(Linear, Protocol):
+    """A linear law at ticks that are a `period` apart, s."""
+
+    @property
+    def period(self) -> float:
+        """Of its ticks, s."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class PredictedLoop(ClosedLoop):
     """The loop of an identified model, and as `draws` those of models as likely, by the same law.
@@ -59,7 +67,7 @@ class PredictedLoop(ClosedLoop):
     draws: tuple[ClosedLoop, ...] = ()
 
     @classmethod
-    def of(cls, plants: Sequence[Linear], law: ArduCopterLaw) -> Self:
+    def of(cls, plants: Sequence[Linear], law: Ticking) -> Self:
         """Return the loop of the first plant, the likeliest, and of all others as draws."""
         grid = np.geomspace(_LOWEST, np.pi / law.period, _POINTS)
         first, *others = (ClosedLoop(plant, law, grid) for plant in plants)
