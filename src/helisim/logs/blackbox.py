@@ -57,6 +57,7 @@ _CHANNELS: dict[str, Sequence[str]] = {
 _OTHERS: dict[str, dict[str, Sequence[str]]] = {
     "Rotorflight 4.2": {"col": ("rcCommand[4]",), "COL": ()},
     "Rotorflight": {},
+    "INAV": dict.fromkeys(_CHANNELS, ()),  # whose axes were not looked at
     "": {"col": ("setpoint[3]",), "COL": ()},
 }
 """Firmware -> fields that differ in it; without a mixer, a controller's sum is the command."""
