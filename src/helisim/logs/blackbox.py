@@ -57,6 +57,7 @@ _CHANNELS: dict[str, Sequence[str]] = {
 _OTHERS: dict[str, dict[str, Sequence[str]]] = {
     "Rotorflight 4.2": {"col": ("rcCommand[4]",), "COL": ()},
     "Rotorflight": {},
+    "INAV": dict.fromkeys(_CHANNELS, ()),  # whose axes were not looked at
     "": {"col": ("setpoint[3]",), "COL": ()},
 }
 """Firmware -> fields that differ in it; without a mixer, a controller's sum is the command."""
@@ -241,14 +242,14 @@ class Blackbox:
         bytes_ = np.frombuffer(data, np.uint8)[start:stop]
         filled = bytes_.size - 1 - int(np.argmax(bytes_[::-1] != 255, axis=0)) if bytes_.size else 0
         bytes_ = bytes_[: filled + 1] if bytes_.size - filled > _FILL else bytes_
-        count = np.bincount(bytes_, minlength=256)
         letters = np.full(256, -1, np.int64)
         for k, letter in enumerate(LETTERS):
             letters[ord(letter)] = k if k == EVENT or sizes[k] else -1
-        most = [int(count[ord("I")] + count[ord("P")]), *(int(count[ord(one)]) for one in "SG")]
+        intra, inter, *most = (np.count_nonzero(bytes_ == ord(one)) for one in "IPSGE")
+        most = [intra + inter, *most]
         rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
-        times = tuple(np.empty(n, np.int64) for n in most)
-        events, counts = np.empty((count[ord("E")] + 1, 4)), np.zeros(10, np.int64)
+        times = tuple(np.empty(n, np.int64) for n in most[:3])
+        events, counts = np.empty((most[-1] + 1, 4)), np.zeros(10, np.int64)
         places = [names["I"].index(one) for one in ("loopIteration", "time")]
         places.append(names["G"].index("time") if "time" in names["G"] else -1)
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
@@ -291,19 +292,25 @@ class Blackbox:
         listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
         more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
         several = f"log {self.number} of {len(self.sizes)} is read; the others are {listed}{more}"
-        damage = [
-            f"{own.corrupt} places where no whole frame is" * (own.corrupt > 0),
-            f"{own.unfounded} frames without the one that they build on" * (own.unfounded > 0),
-            f"{own.unbelieved} frames whose time or number jumps" * (own.unbelieved > 0),
-            f"{lost} frames missing in {places} places" * (lost > 0),
-        ]
-        damaged = f"{own.main} main frames are whole; {', '.join(filter(None, damage))}"
-        cut = self._bytes - own.last
-        changed, paused = (int(np.sum(self._events[:, 0] == one)) for one in (ADJUSTED, RESUMED))
+        damage = (
+            (own.corrupt, f"{own.corrupt} places ({own.skipped} bytes) where no whole frame is"),
+            (own.unfounded, f"{own.unfounded} frames without the one that they build on"),
+            (own.unbelieved, f"{own.unbelieved} frames whose time or number jumps"),
+            (lost, f"{lost} frames missing between others, in {places} places"),
+        )
+        faults = ", ".join(text for count, text in damage if count)
+        cut = 0 if own.ended else self._bytes - own.last
+        later = self._events[self._events[:, 1] > self._times["main"][0], 0]
+        changed, paused = (int(np.count_nonzero(later == one)) for one in (ADJUSTED, RESUMED))
         found = (
-            ("logs", several, len(others), (Option("log", str(others[0] + 1 if others else 1)),)),
-            ("corruption", f"{self._place}: {damaged}", sum(own[4:7]) + lost, ()),
-            ("cut off", f"its last {cut} of {self._bytes} bytes are no whole frame", cut, ()),
+            ("logs", several, len(others), [Option("log", str(one + 1)) for one in others[:1]]),
+            (
+                "corruption",
+                f"{self._place}: besides {own.main} whole frames {faults}",
+                sum(own[4:7]) + lost,
+                (),
+            ),
+            ("cut off", f"{self._place}: its last {cut} bytes are no whole frame", cut, ()),
             (
                 "adjusted",
                 f"{changed} settings were changed in flight; the header has the first ones",
@@ -312,7 +319,7 @@ class Blackbox:
             ),
             ("paused", f"logging paused {paused} times", paused, ()),
         )
-        return [LogFinding(kind, text, helps, n) for kind, text, n, helps in found if n]
+        return [LogFinding(kind, text, tuple(helps), n) for kind, text, n, helps in found if n]
 
 
 @lru_cache(maxsize=1)

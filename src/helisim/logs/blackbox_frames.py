@@ -227,7 +227,8 @@ def _event(data: NDArray[np.uint8], at: int, found: NDArray[np.float64]) -> int:
         for k in range(_END.size):
             if data[at + k] != _END[k]:
                 return _BROKEN
-        return at + _END.size
+        at += _END.size
+        return at + (at < data.size and data[at] == 0)
     if kind == ADJUSTED:
         if at >= data.size:
             return _BROKEN

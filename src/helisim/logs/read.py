@@ -67,7 +67,8 @@ def read_log(
 ) -> Log:
     """Read a log: helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2, DataFlash, Blackbox.
 
-    `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such;
+    `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such,
+    and of Blackbox the channels that its fields are;
     `time` names the column of times if they don't. `resample_hz` is the records' rate: by default a
     clock with small jitter gets its own, several clocks the slowest one's, others stay as they are.
     `repair` is of `REPAIRS`. `max_gap`, s, is the longest step that is no gap, by default 4.5
@@ -91,8 +92,10 @@ def read_as(
         names = None if channels is None else tuple(map_.channels)
         return _from_record(path, read_record(path), content, options, names)
     source = _open(path, map_, content)
+    if source.channels and not (map_.channels and isinstance(channels, Map | Mapping)):
+        map_ = map_.with_channels(source.channels)
     if not map_.channels:
-        map_ = map_.with_channels(source.channels or _stated(source))
+        map_ = map_.with_channels(_stated(source))
     return from_source(source, map_, content, options)
 
 

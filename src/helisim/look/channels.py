@@ -73,6 +73,7 @@ _NAMES = {
         ("LPOS.{}", "X Y Z", POSITIONS, "m", "+++"),
         ("ATTC.{}", "Roll Pitch Yaw Thrust", _INPUTS, "1", "++++"),
     ),
+    "Blackbox": (),  # which says all itself
 }  # Columns of PX4 and ArduPilot logs; the best of a channel first
 _PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot", "sdlog2": "PX4"}
 _EXACT = {
@@ -274,14 +275,15 @@ def guess(
     """Return the channels that a log seems to have; `given` ones as the user named them."""
     seen: dict[str, SeenChannel] = {}
     ranks: dict[str, int] = {}
-    for name, column in given.items():
+    for name, column in {**source.channels, **given}.items():
         try:
             heading = find_column(column.column, source.names, "column")
             known = _known(source, heading)
         except HelisimError:
             continue  # reading reports it
         column = replace(column, column=heading, unit=column.unit or source.stated_unit(heading))
-        seen[name] = SeenChannel.of(name, column, GIVEN, clocks.get(source.clock(heading)), known)
+        why = GIVEN if name in given else "the firmware's name for it"
+        seen[name] = SeenChannel.of(name, column, why, clocks.get(source.clock(heading)), known)
     given_ones, taken = tuple(seen), {one.column.column for one in seen.values()}
     for heading in (name for name in source.names if name not in taken):
         meant, clock = named(heading, source.format), clocks.get(source.clock(heading))
