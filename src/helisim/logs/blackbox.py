@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, StorageError, UnknownNameError, check_known
+from helisim.base.errors import InputError, StorageError, check_known, item_of
 from helisim.base.files import first_bytes, read_bytes, read_text
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
@@ -34,7 +34,7 @@ _START = b"H Product:Blackbox flight data recorder"
 _SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
 _LINE = re.compile(rb"H (?:([^\n:]{1,200}):([^\n]{0,20000})|[ -~]{0,2000})\n")
 _RATES = 10_000  # largest intervals between frames, iterations
-_FILL = 8  # bytes of 0xFF at an end, from which on they are an empty memory
+_BEYOND = 64  # bytes behind a file's that a frame which is cut off may reach
 _TERMS = "PIDFBOS"
 _NAMED = 8  # other logs of a file that are named, at most
 _DUMP_BYTES = 1 << 22  # largest dump of the command line
@@ -112,11 +112,11 @@ class Blackbox:
 
     def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
         self.path = Path(path)
-        data = read_bytes(path)
+        data = read_bytes(path) + bytes(_BEYOND)
         starts = [one.start() for one in re.finditer(re.escape(_START), data)]
         if not starts:
-            raise StorageError(f"{path}: no Blackbox log in its {len(data)} bytes")
-        edges = [*starts, len(data)]
+            raise StorageError(f"{path}: no Blackbox log in its {len(data) - _BEYOND} bytes")
+        edges = [*starts, len(data) - _BEYOND]
         self.sizes = tuple(stop - start for start, stop in pairwise(edges))
         if log is not None and not 1 <= log <= len(starts):
             raise InputError(f"{path}: has logs 1 to {len(starts)}, and {log} was asked for")
@@ -131,23 +131,20 @@ class Blackbox:
         check_known("field", [name], self.columns)
         if name.startswith("axisSum"):
             terms = [one for one in self._terms(name[-3:]) if one in self._at]
+            limit = self._limits[name == "axisSum[2]"] or np.inf
             total = np.sum([self.raw(one) for one in terms], axis=0)
-            limit = self._number("pidsum_limit_yaw" if "2" in name else "pidsum_limit", np.inf)
             return np.clip(total, -limit, limit) * self._scale(name)[0]
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a field's counts as logged, (n_time,). Raises UnknownNameError."""
-        check_known("field", [name], self._at)
-        clock, k = self._at[name]
+        clock, k = item_of(self._at, name, "field")
         values = self._values[clock][:, k]
         return (values if self._signed[clock][k] else values.view(np.uint32)).astype(np.float64)
 
     def time(self, clock: str = "main") -> NDArray[np.float64]:
         """Return times of "main", "slow" or "gps" frames, (n_time,) s since power-on."""
-        if clock not in self._times:
-            raise UnknownNameError("clock", clock, self._times)
-        return 1e-6 * self._times[clock]
+        return 1e-6 * item_of(self._times, clock, "clock")
 
     @cached_property
     def columns(self) -> FrozenMap[str, str]:
@@ -159,8 +156,8 @@ class Blackbox:
     @property
     def units(self) -> FrozenMap[str, str]:
         """Column -> unit, where it is known."""
-        known = {name: self._scale(name)[1] for name in self.columns}
-        return FrozenMap({name: unit for name, unit in known.items() if unit})
+        known = ((name, self._scale(name)[1]) for name in self.columns)
+        return FrozenMap({name: unit for name, unit in known if unit})
 
     @property
     def firmware(self) -> str:
@@ -172,12 +169,9 @@ class Blackbox:
         """Channel -> column: commands of mixer or controller, what they aim at, and motion."""
         tail = {"ped": ("axisSum[2]",)} if self._motor_tail else {}
         own = _CHANNELS | self._of_firmware(_OTHERS) | tail
-        found = {
-            channel: next((one for one in names if one in self.columns), "")
-            for channel, names in own.items()
-        }
-        signs = {channel: -1 if channel in _TURNED else 1 for channel in found}
-        return FrozenMap({c: Column(name, sign=signs[c]) for c, name in found.items() if name})
+        first = ((name, [x for x in fields if x in self.columns]) for name, fields in own.items())
+        signs = dict.fromkeys(_TURNED, -1)
+        return FrozenMap({c: Column(x[0], sign=signs.get(c, 1)) for c, x in first if x})
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -210,20 +204,15 @@ class Blackbox:
     def _terms(self, axis: str) -> list[str]:
         return [f"axis{letter}{axis}" for letter in _TERMS]
 
-    def _number(self, name: str, default: float) -> float:
-        try:
-            return float(self.header[name].split(",")[0])
-        except (KeyError, ValueError):
-            return default
-
     def _scale(self, name: str) -> tuple[float, str]:
         """Return what a count of a column is, and in which unit; "" if none is known."""
         bare, _, axis = name.rstrip("]").partition("[")
         if bare.startswith("gyro"):
-            scale = _hex_float(self.header.get("gyro_scale", self.header.get("gyro.scale", "")))
-            return (scale, "deg/s") if scale > 1e-4 else (1.0, "")
+            bits = re.fullmatch(r"0x([0-9a-f]{8})", self.header.get("gyro_scale", ""))
+            scale = struct.unpack(">f", bytes.fromhex(bits[1]))[0] if bits else 0.0
+            return (scale, "deg/s") if 1e-4 < scale < 1e4 else (1.0, "")
         if bare in ("accADC", "accSmooth"):
-            return 1.0 / max(self._number("acc_1G", 1.0), 1.0), "g"
+            return 1.0 / self._gravity, "g"
         bare = "axis" if bare.startswith("axis") else bare
         if self._motor_tail and (bare, axis) in (("axis", "2"), ("mixer", "2")):
             return 1e-3, "1"
@@ -236,16 +225,18 @@ class Blackbox:
     def _decode(self, data: bytes, start: int, stop: int) -> None:
         tables, sizes, names, known, every = _tables(self.header, self._place)
         self._share = every[1] / every[2]  # of iterations that is logged
+        limits = ("pidsum_limit", "pidsum_limit_yaw")
+        self._limits = [_integer(self.header, one, 0, self._place) for one in limits]
+        self._gravity = _integer(self.header, "acc_1G", 1, self._place) or 1
         # here, because importing it compiles
         from helisim.logs.blackbox_frames import EVENT, LETTERS, TEXT, Counts, decode
 
-        bytes_ = np.frombuffer(data, np.uint8)[start:stop]
-        filled = bytes_.size - 1 - int(np.argmax(bytes_[::-1] != 255, axis=0)) if bytes_.size else 0
-        bytes_ = bytes_[: filled + 1] if bytes_.size - filled > _FILL else bytes_
+        stop = max(len(data[:stop].rstrip(b"\xff")), start)  # that are an empty memory
+        counted = np.frombuffer(data, np.uint8, stop - start, start)
         letters = np.full(256, -1, np.int64)
         for k, letter in enumerate(LETTERS):
             letters[ord(letter)] = k if k == EVENT or sizes[k] else -1
-        intra, inter, *most = (np.count_nonzero(bytes_ == ord(one)) for one in "IPSGE")
+        intra, inter, *most = (np.count_nonzero(counted == ord(one)) for one in "IPSGE")
         most = [intra + inter, *most]
         rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
         times = tuple(np.empty(n, np.int64) for n in most[:3])
@@ -253,10 +244,11 @@ class Blackbox:
         places = [names["I"].index(one) for one in ("loopIteration", "time")]
         places.append(names["G"].index("time") if "time" in names["G"] else -1)
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
-        decode(bytes_, letters, tables, *arrays, rows, times, events, counts)
+        beyond = np.frombuffer(data, np.uint8)[start:]
+        decode(beyond, stop - start, letters, tables, *arrays, rows, times, events, counts)
         self.counts = Counts(*counts.tolist())
         if not self.counts.main:
-            raise StorageError(f"{self._place}: a header, and no frame in {bytes_.size} bytes")
+            raise StorageError(f"{self._place}: a header, and no frame in {stop - start} bytes")
         clocks = {"main": "I", "slow": "S", "gps": "G"}
         kept = dict(zip(clocks, self.counts))
         self._values = {k: one[: kept[k]] for k, one in zip(clocks, rows)}
@@ -269,25 +261,19 @@ class Blackbox:
         self._events = events[: self.counts.events]
         texts = ((int(a), int(b)) for kind, _, a, b in self._events.tolist() if kind == TEXT)
         self._texts = {
-            (a, b): shown(bytes_[a : a + b].tobytes().decode(errors="replace")) for a, b in texts
+            (a, b): shown(data[start + a : start + a + b].decode(errors="replace"))
+            for a, b in texts
         }
-        self._bytes = bytes_.size
-
-    def _lost(self) -> tuple[int, int]:
-        """Return how many frames are missing between others, and in how many places."""
-        from helisim.logs.blackbox_frames import RESUMED
-
-        number = self.raw("loopIteration")
-        resumed = self._events[self._events[:, 0] == RESUMED, 2]
-        lost = np.rint(self._share * np.diff(number)) - 1.0
-        lost[np.isin(number[1:], resumed)] = 0.0
-        return int(np.sum(lost[lost > 0.0])), int(np.count_nonzero(lost > 0.0))
+        self._cut = 0 if self.counts.ended else stop - start - self.counts.last
 
     def _findings(self) -> list[LogFinding]:
         from helisim.logs.blackbox_frames import ADJUSTED, RESUMED
 
         own = self.counts
-        lost, places = self._lost()
+        number = self.raw("loopIteration")
+        gaps = np.rint(self._share * np.diff(number)) - 1.0
+        gaps[np.isin(number[1:], self._events[self._events[:, 0] == RESUMED, 2])] = 0.0
+        lost, places = int(np.sum(gaps[gaps > 0.0])), np.count_nonzero(gaps > 0.0)
         others = [k for k in np.argsort(self.sizes)[::-1].tolist() if k + 1 != self.number]
         listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
         more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
@@ -299,7 +285,6 @@ class Blackbox:
             (lost, f"{lost} frames missing between others, in {places} places"),
         )
         faults = ", ".join(text for count, text in damage if count)
-        cut = 0 if own.ended else self._bytes - own.last
         later = self._events[self._events[:, 1] > self._times["main"][0], 0]
         changed, paused = (int(np.count_nonzero(later == one)) for one in (ADJUSTED, RESUMED))
         found = (
@@ -310,7 +295,12 @@ class Blackbox:
                 sum(own[4:7]) + lost,
                 (),
             ),
-            ("cut off", f"{self._place}: its last {cut} bytes are no whole frame", cut, ()),
+            (
+                "cut off",
+                f"{self._place}: its last {self._cut} bytes are no whole frame",
+                self._cut,
+                (),
+            ),
             (
                 "adjusted",
                 f"{changed} settings were changed in flight; the header has the first ones",
@@ -359,14 +349,6 @@ def _header(data: bytes, at: int, stop: int) -> tuple[dict[str, str], int]:
         )
         lines[name], at = text, match.end()
     return lines, at
-
-
-def _hex_float(text: str) -> float:
-    """Return a number that is written as its bits; 0 if it isn't."""
-    try:
-        return struct.unpack(">f", int(text, 16).to_bytes(4, "big"))[0]
-    except (ValueError, OverflowError):
-        return 0.0
 
 
 def _integers(lines: Mapping[str, str], name: str, where: str) -> list[int]:
