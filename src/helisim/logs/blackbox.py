@@ -173,14 +173,6 @@ class Blackbox:
         signs = dict.fromkeys(_TURNED, -1)
         return FrozenMap({c: Column(x[0], sign=signs.get(c, 1)) for c, x in first if x})
 
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """The events, in their order."""
-        return tuple(
-            Event(1e-6 * time, int(kind), (a, b), self._texts.get((int(a), int(b)), ""))
-            for kind, time, a, b in self._events.tolist()
-        )
-
     @cached_property
     def source(self) -> Topics:
         """The log as a source of columns, with its faults."""
@@ -225,11 +217,12 @@ class Blackbox:
     def _decode(self, data: bytes, start: int, stop: int) -> None:
         tables, sizes, names, known, every = _tables(self.header, self._place)
         self._share = every[1] / every[2]  # of iterations that is logged
-        limits = ("pidsum_limit", "pidsum_limit_yaw")
-        self._limits = [_integer(self.header, one, 0, self._place) for one in limits]
+        self._limits = [
+            _integer(self.header, f"pidsum_limit{of}", 0, self._place) for of in ("", "_yaw")
+        ]
         self._gravity = _integer(self.header, "acc_1G", 1, self._place) or 1
         # here, because importing it compiles
-        from helisim.logs.blackbox_frames import EVENT, LETTERS, TEXT, Counts, decode
+        from helisim.logs.blackbox_frames import COUNTS, EVENT, LETTERS, TEXT, decode
 
         stop = max(len(data[:stop].rstrip(b"\xff")), start)  # that are an empty memory
         counted = np.frombuffer(data, np.uint8, stop - start, start)
@@ -246,11 +239,11 @@ class Blackbox:
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
         beyond = np.frombuffer(data, np.uint8)[start:]
         decode(beyond, stop - start, letters, tables, *arrays, rows, times, events, counts)
-        self.counts = Counts(*counts.tolist())
-        if not self.counts.main:
+        self.counts = FrozenMap(dict(zip(COUNTS, counts.tolist())))
+        if not self.counts["main"]:
             raise StorageError(f"{self._place}: a header, and no frame in {stop - start} bytes")
         clocks = {"main": "I", "slow": "S", "gps": "G"}
-        kept = dict(zip(clocks, self.counts))
+        kept = self.counts
         self._values = {k: one[: kept[k]] for k, one in zip(clocks, rows)}
         self._times = {k: one[: kept[k]] for k, one in zip(clocks, times) if kept[k]}
         np.maximum(times[1], times[0][0], out=times[1])  # of S frames ahead of all
@@ -258,41 +251,48 @@ class Blackbox:
         self._at = {
             name: (clock, k) for clock in self._times for k, name in enumerate(names[clocks[clock]])
         }
-        self._events = events[: self.counts.events]
-        texts = ((int(a), int(b)) for kind, _, a, b in self._events.tolist() if kind == TEXT)
-        self._texts = {
-            (a, b): shown(data[start + a : start + a + b].decode(errors="replace"))
-            for a, b in texts
-        }
-        self._cut = 0 if self.counts.ended else stop - start - self.counts.last
+        self.events = tuple(
+            Event(
+                1e-6 * time,
+                int(kind),
+                (x, y),
+                shown(data[start + int(x) :][: int(y)].decode(errors="replace"))
+                if kind == TEXT
+                else "",
+            )
+            for kind, time, x, y in events[: kept["events"]].tolist()
+        )
+        self._cut = 0 if kept["ended"] else stop - start - kept["last"]
 
     def _findings(self) -> list[LogFinding]:
         from helisim.logs.blackbox_frames import ADJUSTED, RESUMED
 
-        own = self.counts
-        number = self.raw("loopIteration")
+        number, own = self.raw("loopIteration"), self.counts
         gaps = np.rint(self._share * np.diff(number)) - 1.0
-        gaps[np.isin(number[1:], self._events[self._events[:, 0] == RESUMED, 2])] = 0.0
+        gaps[np.isin(number[1:], [x.numbers[0] for x in self.events if x.kind == RESUMED])] = 0.0
         lost, places = int(np.sum(gaps[gaps > 0.0])), np.count_nonzero(gaps > 0.0)
         others = [k for k in np.argsort(self.sizes)[::-1].tolist() if k + 1 != self.number]
         listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
         more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
         several = f"log {self.number} of {len(self.sizes)} is read; the others are {listed}{more}"
         damage = (
-            (own.corrupt, f"{own.corrupt} places ({own.skipped} bytes) where no whole frame is"),
-            (own.unfounded, f"{own.unfounded} frames without the one that they build on"),
-            (own.unbelieved, f"{own.unbelieved} frames whose time or number jumps"),
+            (
+                own["corrupt"],
+                f"{own['corrupt']} places ({own['skipped']} bytes) where no whole frame is",
+            ),
+            (own["unfounded"], f"{own['unfounded']} frames without the one that they build on"),
+            (own["unbelieved"], f"{own['unbelieved']} frames whose time or number jumps"),
             (lost, f"{lost} frames missing between others, in {places} places"),
         )
         faults = ", ".join(text for count, text in damage if count)
-        later = self._events[self._events[:, 1] > self._times["main"][0], 0]
-        changed, paused = (int(np.count_nonzero(later == one)) for one in (ADJUSTED, RESUMED))
+        later = [one.kind for one in self.events if one.time > self.time()[0]]
+        changed, paused = (later.count(one) for one in (ADJUSTED, RESUMED))
         found = (
             ("logs", several, len(others), [Option("log", str(one + 1)) for one in others[:1]]),
             (
                 "corruption",
-                f"{self._place}: besides {own.main} whole frames {faults}",
-                sum(own[4:7]) + lost,
+                f"{self._place}: besides {own['main']} whole frames {faults}",
+                sum(count for count, _ in damage),
                 (),
             ),
             (
@@ -332,9 +332,9 @@ def read_dump(path: str | PathLike[str]) -> FrozenMap[str, str]:
         elif match := _SETTING.fullmatch(line):
             name, value = (match[1], match[2]) if match[1] else (match[3], match[4])
             found.setdefault(place if match[1] else "", {})[shown(name)] = shown(value, 500)
-    settings = found[""].copy()
-    for one in chosen.values():
-        settings |= found.get(one, {})
+    settings = found[""] | {
+        name: value for one in chosen.values() for name, value in found.get(one, {}).items()
+    }
     if not settings:
         raise StorageError(f"{path}: no setting in it, such as 'set roll_p_gain = 50'")
     return FrozenMap(settings)
@@ -364,18 +364,13 @@ def _integer(lines: Mapping[str, str], name: str, default: int, where: str) -> i
     return (_integers(lines, name, where) or [default])[0]
 
 
-class _Tables(NamedTuple):
-    """What `decode` needs of a header; `names` are the fields of main, slow and GPS frames."""
+def _tables(
+    lines: Mapping[str, str], where: str
+) -> tuple[NDArray[np.int32], list[int], dict[str, list[str]], list[int], list[int]]:
+    """Return `tables`, `sizes`, names, `known` and `every` as `decode` wants them.
 
-    fields: NDArray[np.int32]
-    sizes: list[int]
-    names: dict[str, list[str]]
-    known: list[int]
-    every: list[int]
-
-
-def _tables(lines: Mapping[str, str], where: str) -> _Tables:
-    """Return what a header says of frames. Raises StorageError if it can't be."""
+    Raises StorageError if they can't be.
+    """
     from helisim.logs import blackbox_frames as of
 
     listed = {one: lines.get(f"Field {one} name", "").split(",") for one in "ISGH"}
@@ -404,11 +399,15 @@ def _tables(lines: Mapping[str, str], where: str) -> _Tables:
             at += of.ENCODINGS[int(fields[k, 2, at])]
         if at > size or (of.MOTOR_0 in fields[k, 1] and "motor[0]" not in names["I"]):
             raise StorageError(f"{where}: the header's {letter} frames lack fields of a group")
-    known = [0] * (of.HOME_1 + 1)
-    known[of.US_1500], known[of.VBATREF] = 1500, _integer(lines, "vbatref", 4095, where)
-    known[of.MINTHROTTLE] = _integer(lines, "minthrottle", 1150, where)
-    known[of.MINMOTOR] = _integer(lines, "motorOutput", known[of.MINTHROTTLE], where)
-    known.append(names["I"].index("motor[0]") if "motor[0]" in names["I"] else 0)
+    least = _integer(lines, "minthrottle", 1150, where)
+    added = {
+        of.US_1500: 1500,
+        of.VBATREF: _integer(lines, "vbatref", 4095, where),
+        of.MINTHROTTLE: least,
+        of.MINMOTOR: _integer(lines, "motorOutput", least, where),
+    }
+    motor = [*names["I"], "motor[0]"].index("motor[0]")
+    known = [*(added.get(k, 0) for k in range(of.HOME_1 + 1)), motor]
     every = _integer(lines, "I interval", 32, where)
     counted, _, of_all = lines.get("P interval", "1").partition("/")
     rates = {"P": f"{counted},{of_all}" if of_all else f"1,{counted}"}
@@ -417,4 +416,4 @@ def _tables(lines: Mapping[str, str], where: str) -> _Tables:
     if not (0 < some <= all_ <= _RATES and 0 < every <= 64 * _RATES):
         said = f"the header's intervals of I and P frames are {every} and {some}/{all_}"
         raise StorageError(f"{where}: {said}, which can't be")
-    return _Tables(fields, sizes, names, known, [every, some, all_])
+    return fields, sizes, names, known, [every, some, all_]

@@ -4,7 +4,7 @@ Sources: Cleanflight, "Blackbox logging internals"; `blackbox_encoding.c` and `b
 of Rotorflight 4.6.0 and Betaflight 2025.12 for what encodings, predictors and events mean.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -46,27 +46,14 @@ _part: Any = register_jitable(
 )
 
 
-class Counts(NamedTuple):
-    """How many frames and events are kept, and what isn't.
-
-    `corrupt` are places where no whole frame is, `unfounded` frames without the one that they are
-    based on, `unbelieved` those whose time or number jumps; `skipped` bytes belong to no frame, and
-    `last` is behind the last byte that does.
-    """
-
-    main: int
-    slow: int
-    gps: int
-    events: int
-    corrupt: int
-    unfounded: int
-    unbelieved: int
-    skipped: int
-    last: int
-    ended: int
-
-
-_CORRUPT, _UNFOUNDED, _UNBELIEVED, _SKIPPED = 4, 5, 6, 7  # places in `Counts`
+COUNTS = (
+    *("main", "slow", "gps", "events", "corrupt", "unfounded", "unbelieved", "skipped", "last"),
+    "ended",
+)
+"""What is counted: frames and events that are kept; places where no whole frame is; frames without
+the one that they build on, and those whose time or number jumps; bytes of no frame; what is behind
+the last frame; whether the log says that it ends."""
+_CORRUPT, _UNFOUNDED, _UNBELIEVED, _SKIPPED = 4, 5, 6, 7  # places in it
 
 
 @_part
@@ -243,9 +230,9 @@ def _decode(
 ) -> None:
     """Decode frames into main, slow and GPS `rows`, their `times` in us, `events` and `counts`.
 
-    Frames end at `stop`, and 64 more bytes may be read. `letters`, (256,), is byte -> table, or -1; `tables` are (5, 3,
-    n_field): signs, predictors and encodings of main frames, whole and by differences, slow, GPS
-    and home ones, of whose fields there are `sizes`; `known`, (14,), is predictor -> number, the
+    Frames end at `stop`, and 64 more bytes may be read. `letters`, (256,), is byte -> table, or -1;
+    `tables` are (5, 3, n_field): signs, predictors and encodings of main frames, whole and by
+    differences, slow, GPS and home ones, of whose fields there are `sizes`; `known`, (14,), is predictor -> number, the
     last the place of motor[0]; `every` is (3,): iterations from an I frame to the next, and how
     many of how many are logged; `places` are those of loopIteration, time and GPS's time. An event
     is a kind, the last time, us, and two numbers.
