@@ -93,7 +93,7 @@ def columns(vehicle, law, flight, loops, *, every=1):
     wanted, gyro, terms, mixer, ahead = np.split(own, [4, 7, 25, 29], axis=1)
     terms = terms.reshape(-1, 3, 6)
     terms[:, 2, 3] += ahead[:, 0]  # in yaw's F
-    sticks = [2.0 * seen[name] for name in ("LAT", "LON", "PED")] * np.array([[1.0], [-1.0], [1.0]])
+    sticks = np.array([2.0 * seen["LAT"], -2.0 * seen["LON"], 2.0 * seen["PED"]])
     pitch = math.degrees(law.collective.centre) / 12.0 + wanted[:, 3]
     speed = 30.0 / math.pi * np.interp(seen["time"], flight.time, flight.rotor[:, 4])
     turned = np.degrees([seen["phi"], -seen["theta"], np.mod(seen["psi"], 2.0 * math.pi)])

@@ -104,7 +104,7 @@ def values(jr700, tmp_path_factory):
 
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""
-NO_VALUE = {"HandFlight", "DataFlash"}
+NO_VALUE = {"HandFlight", "Blackbox", "DataFlash"}
 """Public classes whose instances go on, or read a file."""
 
 

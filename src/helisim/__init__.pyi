@@ -42,6 +42,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
+from helisim.logs import Blackbox as Blackbox
 from helisim.logs import DataFlash as DataFlash
 from helisim.logs import read_log as read_log
 from helisim.logs import read_logs as read_logs

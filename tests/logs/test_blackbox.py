@@ -10,7 +10,8 @@ import helisim as hs
 from blackbox_logs import Field, adjusted, encode, event, frame
 from helisim.base.errors import HelisimError, InputError, StorageError, UnknownNameError
 from helisim.cli import main
-from helisim.logs import Blackbox, Layout, Map, read_log
+from helisim.ident import structures
+from helisim.logs import Blackbox, Column, Layout, Map, read_log
 from helisim.logs.blackbox import is_blackbox, read_dump
 from tabled import tabled
 
@@ -142,7 +143,7 @@ def test_of_several_logs_the_largest_is_read_and_another_can_be_chosen(tmp_path,
     assert is_blackbox(path)
     found = read_log(path)
     assert len(found.record) == 300
-    (said,) = found.report.findings
+    said = found.report.findings[0]
     assert said.kind == "logs"
     assert "log 2 of 3 is read; the others are 3 (" in said.text
     assert len(read_log(path, channels=Map(file=Layout(log=3))).record) == 60
@@ -164,7 +165,7 @@ def test_what_is_lost_is_counted_and_the_rest_is_right(tmp_path):
     (said,) = log.source.findings
     assert said.kind == "corruption"
     assert f"{COUNT - kept.size} frames missing between others" in said.text
-    found = read_log(log.path, resample_hz=125.0)
+    found = read_log(log.path, max_gap=0.1)
     assert said in found.report.findings
 
 
@@ -194,14 +195,14 @@ def moving(count=4000, rate=500.0):
     In forward, left and up, but the heading, which counts to the right.
     """
     time = np.arange(count) / rate
-    angles = np.stack([np.sin(one * time) * 0.05 for one in (3.0, 4.0, 5.0)])
-    rates = np.degrees(np.gradient(angles, time, axis=1)) * 50.0  # counted finer than a degree
+    angles = np.stack([np.sin(one * time) * 0.05 for one in (30.0, 37.0, 45.0)])
+    rates = np.degrees(np.gradient(angles, time, axis=1))
     down = [np.sin(angles[1]), np.sin(angles[0]), np.cos(angles[0]) * np.cos(angles[1])]
     turned = np.array([1, 1, -1])[:, None]
     columns = {"time": np.rint(1e6 * time) + 1_000_000}
     for name, rows in (
         ("gyroADC", rates),
-        ("attitude", 10.0 * np.degrees(50.0 * angles * turned)),
+        ("attitude", 10.0 * np.degrees(angles * turned)),
         ("accADC", 2048.0 * np.array(down) * np.array([[-1], [1], [1]])),
         ("setpoint", 100.0 * np.stack([*np.sin(angles), angles[0]])),
         ("mixer", 1000.0 * np.stack([*angles, angles[0]])),
@@ -235,9 +236,9 @@ def test_fields_of_rotorflight_are_channels_in_si(tmp_path):
 
 def test_a_wrong_sign_would_be_found(tmp_path):
     path = saved(tmp_path, encode(moving(), RAPID))
-    channels = {**Blackbox(path).channels, "q": hs.Column("gyroADC[1]")}
+    channels = {**Blackbox(path).channels, "q": Column("gyroADC[1]")}
     found = read_log(path, channels=channels)
-    assert [one.kind for one in found.report.findings] == ["sign"]
+    assert "sign" in {one.kind for one in found.report.findings}
 
 
 def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
@@ -257,12 +258,13 @@ def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
 
 @tabled("header", "column", "factor", "unit")
 def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
+    rounding = 1e-7 if "gyro_scale" in header else 1e-12  # single precision
     names = {"axisP": 3, "axisI": 3, "rcCommand": 4, "setpoint": 4, "gyroADC": 3, "accADC": 3}
     columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50, "rcCommand[4]": TIME % 900}
     for name, count in names.items():
         columns |= each(name, count)
     log = Blackbox(saved(tmp_path, encode(columns, header)))
-    np.testing.assert_allclose(log[column], factor * log.raw(column), rtol=1e-12)
+    np.testing.assert_allclose(log[column], factor * log.raw(column), rtol=rounding)
     assert log.units.get(column, "") == unit
 
 
@@ -289,8 +291,8 @@ def flown():
     """Return counts of a roll rate that follows a sweep of the mixer, as the loop makes it."""
     rate, count = 250.0, 15_000
     time = np.arange(count) / rate
-    asked = 100.0 * np.sin(np.cumsum(2.0 + 20.0 * time / time[-1]) / rate)
-    noise = np.random.default_rng(2).normal(0.0, 1.0, count)
+    asked = 200.0 * np.sin(np.cumsum(2.0 + 20.0 * time / time[-1]) / rate)
+    noise = np.random.default_rng(2).normal(0.0, 20.0, count)
     p, moved = np.zeros(count), np.zeros(count)
     for k in range(count - 1):
         moved[k] = 2.0 * (asked[k] - p[k]) + noise[k]
@@ -310,16 +312,12 @@ def test_a_log_is_looked_at_and_identified_by_its_own_channels(tmp_path, capsys)
     options = ["--inputs", "lat", "--outputs", "p", "--structure", "tf:0/1", "--band", "3", "20"]
     assert main(["identify", str(path), *options, "--reference", "LAT", "--quiet"]) == 0
     assert "LAT" in capsys.readouterr().out
-    record = read_log(path).record
-    (answer,) = [
-        hs.identify(
-            hs.frequency_response(
-                record, inputs=("lat",), outputs=("p",), reference=("LAT",), band=(3.0, 20.0)
-            ),
-            hs.transfer_function(0, 1),
-        )
-    ]
-    gain, pole = (answer.parameters[one] for one in ("b0", "a0"))
+    frf = hs.frequency_response(
+        read_log(path).record, inputs="lat", outputs="p", reference="LAT", band=(3.0, 20.0)
+    )
+    lag = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
+    found = hs.identify(frf, lag)
+    gain, pole = (found.parameters[one] for one in ("b0", "a0"))
     # p' = 8 mixer - 10 p in deg/s and counts of 0.012 deg; 4 errors, 1 % is of the step of 4 ms
     assert gain.value == pytest.approx(8.0 / 0.012, abs=4 * gain.standard_error + 7.0)
     assert pole.value == pytest.approx(10.0, abs=4 * pole.standard_error + 0.1)
@@ -337,14 +335,15 @@ def test_a_header_that_cant_be_is_refused(tmp_path, replaced, by, message):
 def attempt(path, data):
     """Read a log; return whether it was read. Anything but our errors is raised."""
     path.write_bytes(data)
+    read, said = [], "read"
     try:
-        log = Blackbox(path)
+        read.append(Blackbox(path))
         read_log(path, repair=("gaps", "missing", "duplicates", "resets"))
     except HelisimError as error:
-        assert 0 < max(map(len, str(error).splitlines())) <= 500
-        return False
-    assert all(np.isfinite(log[name]).all() for name in log.columns)
-    return True
+        said = str(error)
+    assert 0 < max(map(len, said.splitlines())) <= 500
+    assert all(np.isfinite(log[name]).all() for log in read for name in log.columns)
+    return bool(read)
 
 
 def test_a_log_that_is_cut_anywhere_is_read_or_refused(tmp_path):
@@ -380,7 +379,7 @@ def test_nothing_and_a_header_alone_are_refused(tmp_path):
 def test_unknown_fields_and_clocks_are_listed(tmp_path):
     log = Blackbox(saved(tmp_path, encode({"time": TIME, **each("gyroADC", 3)})))
     for wanted in (lambda: log["gyro"], lambda: log.raw("time2"), lambda: log.time("gps")):
-        with pytest.raises(UnknownNameError, match="gyroADC|main"):
+        with pytest.raises(UnknownNameError, match=r"gyroADC|main"):
             wanted()
 
 

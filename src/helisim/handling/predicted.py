@@ -74,20 +74,25 @@ class PredictedLoop(ClosedLoop):
         return cls(first.plant, law, grid, tuple(others))
 
     def figures(self, axis: str) -> dict[str, Interval]:
-        """Return an axis's figures with their 95 % intervals, cut at the command."""
+        """Return an axis's figures with their 95 % intervals, cut at the command.
+
+        DRB of the attitude alone is one only of a law that senses the attitude.
+        """
         attitude = axis_of(axis).name != "ped"  # the yaw stick asks for a rate
 
         def told(one: ClosedLoop) -> dict[str, float]:
             cut, left = margins(one.broken(axis)), rejection(one.disturbance(axis))
             quick = bandwidth(one.command(axis))
-            return {
+            found = {
                 "crossover": cut.crossover,
                 "phase_margin": float(np.degrees(cut.least_phase)),
                 "gain_margin": cut.least_gain,
                 "DRB": left.bandwidth,
                 "DRP": left.peak,
-                ATTITUDE_DRB: rejection(one.disturbance(axis, "attitude")).bandwidth,
                 "bandwidth": quick.phase if attitude else quick.rate,
             }
+            if axis_of(axis).angle in self.law.inputs:
+                found[ATTITUDE_DRB] = rejection(one.disturbance(axis, "attitude")).bandwidth
+            return found
 
         return intervals(self, told)

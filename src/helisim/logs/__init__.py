@@ -1,7 +1,7 @@
 """Flight logs by any program as flight records: CSV, Parquet, ULog, DataFlash, Blackbox."""
 
 from helisim.base.units import UNITS
-from helisim.logs.blackbox import Blackbox
+from helisim.logs.blackbox import Blackbox, read_dump
 from helisim.logs.dataflash import DataFlash
 from helisim.logs.mapping import REPAIRS, Clock, Column, Layout, Map
 from helisim.logs.read import read_log, read_logs, screen
@@ -19,6 +19,7 @@ __all__ = [
     "LogFinding",
     "LogReport",
     "Map",
+    "read_dump",
     "read_log",
     "read_logs",
     "screen",

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, StorageError, UnknownNameError, check_known
+from helisim.base.errors import InputError, StorageError, check_known, item_of
 from helisim.base.files import first_bytes, read_bytes, read_text
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
@@ -34,7 +34,7 @@ _START = b"H Product:Blackbox flight data recorder"
 _SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
 _LINE = re.compile(rb"H (?:([^\n:]{1,200}):([^\n]{0,20000})|[ -~]{0,2000})\n")
 _RATES = 10_000  # largest intervals between frames, iterations
-_FILL = 8  # bytes of 0xFF at an end, from which on they are an empty memory
+_BEYOND = 64  # bytes behind a file's that a frame which is cut off may reach
 _TERMS = "PIDFBOS"
 _NAMED = 8  # other logs of a file that are named, at most
 _DUMP_BYTES = 1 << 22  # largest dump of the command line
@@ -57,6 +57,7 @@ _CHANNELS: dict[str, Sequence[str]] = {
 _OTHERS: dict[str, dict[str, Sequence[str]]] = {
     "Rotorflight 4.2": {"col": ("rcCommand[4]",), "COL": ()},
     "Rotorflight": {},
+    "INAV": dict.fromkeys(_CHANNELS, ()),  # whose axes were not looked at
     "": {"col": ("setpoint[3]",), "COL": ()},
 }
 """Firmware -> fields that differ in it; without a mixer, a controller's sum is the command."""
@@ -111,11 +112,11 @@ class Blackbox:
 
     def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
         self.path = Path(path)
-        data = read_bytes(path)
+        data = read_bytes(path) + bytes(_BEYOND)
         starts = [one.start() for one in re.finditer(re.escape(_START), data)]
         if not starts:
-            raise StorageError(f"{path}: no Blackbox log in its {len(data)} bytes")
-        edges = [*starts, len(data)]
+            raise StorageError(f"{path}: no Blackbox log in its {len(data) - _BEYOND} bytes")
+        edges = [*starts, len(data) - _BEYOND]
         self.sizes = tuple(stop - start for start, stop in pairwise(edges))
         if log is not None and not 1 <= log <= len(starts):
             raise InputError(f"{path}: has logs 1 to {len(starts)}, and {log} was asked for")
@@ -130,23 +131,20 @@ class Blackbox:
         check_known("field", [name], self.columns)
         if name.startswith("axisSum"):
             terms = [one for one in self._terms(name[-3:]) if one in self._at]
+            limit = self._limits[name == "axisSum[2]"] or np.inf
             total = np.sum([self.raw(one) for one in terms], axis=0)
-            limit = self._number("pidsum_limit_yaw" if "2" in name else "pidsum_limit", np.inf)
             return np.clip(total, -limit, limit) * self._scale(name)[0]
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a field's counts as logged, (n_time,). Raises UnknownNameError."""
-        check_known("field", [name], self._at)
-        clock, k = self._at[name]
+        clock, k = item_of(self._at, name, "field")
         values = self._values[clock][:, k]
         return (values if self._signed[clock][k] else values.view(np.uint32)).astype(np.float64)
 
     def time(self, clock: str = "main") -> NDArray[np.float64]:
         """Return times of "main", "slow" or "gps" frames, (n_time,) s since power-on."""
-        if clock not in self._times:
-            raise UnknownNameError("clock", clock, self._times)
-        return 1e-6 * self._times[clock]
+        return 1e-6 * item_of(self._times, clock, "clock")
 
     @cached_property
     def columns(self) -> FrozenMap[str, str]:
@@ -158,8 +156,8 @@ class Blackbox:
     @property
     def units(self) -> FrozenMap[str, str]:
         """Column -> unit, where it is known."""
-        known = {name: self._scale(name)[1] for name in self.columns}
-        return FrozenMap({name: unit for name, unit in known.items() if unit})
+        known = ((name, self._scale(name)[1]) for name in self.columns)
+        return FrozenMap({name: unit for name, unit in known if unit})
 
     @property
     def firmware(self) -> str:
@@ -171,20 +169,9 @@ class Blackbox:
         """Channel -> column: commands of mixer or controller, what they aim at, and motion."""
         tail = {"ped": ("axisSum[2]",)} if self._motor_tail else {}
         own = _CHANNELS | self._of_firmware(_OTHERS) | tail
-        found = {
-            channel: next((one for one in names if one in self.columns), "")
-            for channel, names in own.items()
-        }
-        signs = {channel: -1 if channel in _TURNED else 1 for channel in found}
-        return FrozenMap({c: Column(name, sign=signs[c]) for c, name in found.items() if name})
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """The events, in their order."""
-        return tuple(
-            Event(1e-6 * time, int(kind), (a, b), self._texts.get((int(a), int(b)), ""))
-            for kind, time, a, b in self._events.tolist()
-        )
+        first = ((name, [x for x in fields if x in self.columns]) for name, fields in own.items())
+        signs = dict.fromkeys(_TURNED, -1)
+        return FrozenMap({c: Column(x[0], sign=signs.get(c, 1)) for c, x in first if x})
 
     @cached_property
     def source(self) -> Topics:
@@ -209,20 +196,15 @@ class Blackbox:
     def _terms(self, axis: str) -> list[str]:
         return [f"axis{letter}{axis}" for letter in _TERMS]
 
-    def _number(self, name: str, default: float) -> float:
-        try:
-            return float(self.header[name].split(",")[0])
-        except (KeyError, ValueError):
-            return default
-
     def _scale(self, name: str) -> tuple[float, str]:
         """Return what a count of a column is, and in which unit; "" if none is known."""
         bare, _, axis = name.rstrip("]").partition("[")
         if bare.startswith("gyro"):
-            scale = _hex_float(self.header.get("gyro_scale", self.header.get("gyro.scale", "")))
-            return (scale, "deg/s") if scale > 1e-4 else (1.0, "")
+            bits = re.fullmatch(r"0x([0-9a-f]{8})", self.header.get("gyro_scale", ""))
+            scale = struct.unpack(">f", bytes.fromhex(bits[1]))[0] if bits else 0.0
+            return (scale, "deg/s") if 1e-4 < scale < 1e4 else (1.0, "")
         if bare in ("accADC", "accSmooth"):
-            return 1.0 / max(self._number("acc_1G", 1.0), 1.0), "g"
+            return 1.0 / self._gravity, "g"
         bare = "axis" if bare.startswith("axis") else bare
         if self._motor_tail and (bare, axis) in (("axis", "2"), ("mixer", "2")):
             return 1e-3, "1"
@@ -235,16 +217,19 @@ class Blackbox:
     def _decode(self, data: bytes, start: int, stop: int) -> None:
         tables, sizes, names, known, every = _tables(self.header, self._place)
         self._share = every[1] / every[2]  # of iterations that is logged
+        self._limits = [
+            _integer(self.header, f"pidsum_limit{of}", 0, self._place) for of in ("", "_yaw")
+        ]
+        self._gravity = _integer(self.header, "acc_1G", 1, self._place) or 1
         # here, because importing it compiles
-        from helisim.logs.blackbox_frames import EVENT, LETTERS, TEXT, Counts, decode
+        from helisim.logs.blackbox_frames import COUNTS, EVENT, LETTERS, TEXT, decode
 
-        bytes_ = np.frombuffer(data, np.uint8)[start:stop]
-        filled = bytes_.size - 1 - int(np.argmax(bytes_[::-1] != 255, axis=0)) if bytes_.size else 0
-        bytes_ = bytes_[: filled + 1] if bytes_.size - filled > _FILL else bytes_
+        stop = max(len(data[:stop].rstrip(b"\xff")), start)  # that are an empty memory
+        counted = np.frombuffer(data, np.uint8, stop - start, start)
         letters = np.full(256, -1, np.int64)
         for k, letter in enumerate(LETTERS):
             letters[ord(letter)] = k if k == EVENT or sizes[k] else -1
-        intra, inter, *most = (np.count_nonzero(bytes_ == ord(one)) for one in "IPSGE")
+        intra, inter, *most = (np.count_nonzero(counted == ord(one)) for one in "IPSGE")
         most = [intra + inter, *most]
         rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
         times = tuple(np.empty(n, np.int64) for n in most[:3])
@@ -252,12 +237,13 @@ class Blackbox:
         places = [names["I"].index(one) for one in ("loopIteration", "time")]
         places.append(names["G"].index("time") if "time" in names["G"] else -1)
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
-        decode(bytes_, letters, tables, *arrays, rows, times, events, counts)
-        self.counts = Counts(*counts.tolist())
-        if not self.counts.main:
-            raise StorageError(f"{self._place}: a header, and no frame in {bytes_.size} bytes")
+        beyond = np.frombuffer(data, np.uint8)[start:]
+        decode(beyond, stop - start, letters, tables, *arrays, rows, times, events, counts)
+        self.counts = FrozenMap(dict(zip(COUNTS, counts.tolist())))
+        if not self.counts["main"]:
+            raise StorageError(f"{self._place}: a header, and no frame in {stop - start} bytes")
         clocks = {"main": "I", "slow": "S", "gps": "G"}
-        kept = dict(zip(clocks, self.counts))
+        kept = self.counts
         self._values = {k: one[: kept[k]] for k, one in zip(clocks, rows)}
         self._times = {k: one[: kept[k]] for k, one in zip(clocks, times) if kept[k]}
         np.maximum(times[1], times[0][0], out=times[1])  # of S frames ahead of all
@@ -265,51 +251,56 @@ class Blackbox:
         self._at = {
             name: (clock, k) for clock in self._times for k, name in enumerate(names[clocks[clock]])
         }
-        self._events = events[: self.counts.events]
-        texts = ((int(a), int(b)) for kind, _, a, b in self._events.tolist() if kind == TEXT)
-        self._texts = {
-            (a, b): shown(bytes_[a : a + b].tobytes().decode(errors="replace")) for a, b in texts
-        }
-        self._bytes = bytes_.size
-
-    def _lost(self) -> tuple[int, int]:
-        """Return how many frames are missing between others, and in how many places."""
-        from helisim.logs.blackbox_frames import RESUMED
-
-        number = self.raw("loopIteration")
-        resumed = self._events[self._events[:, 0] == RESUMED, 2]
-        lost = np.rint(self._share * np.diff(number)) - 1.0
-        lost[np.isin(number[1:], resumed)] = 0.0
-        return int(np.sum(lost[lost > 0.0])), int(np.count_nonzero(lost > 0.0))
+        self.events = tuple(
+            Event(
+                1e-6 * time,
+                int(kind),
+                (x, y),
+                shown(data[start + int(x) :][: int(y)].decode(errors="replace"))
+                if kind == TEXT
+                else "",
+            )
+            for kind, time, x, y in events[: kept["events"]].tolist()
+        )
+        self._cut = 0 if kept["ended"] else stop - start - kept["last"]
 
     def _findings(self) -> list[LogFinding]:
         from helisim.logs.blackbox_frames import ADJUSTED, RESUMED
 
-        own = self.counts
-        lost, places = self._lost()
+        number, own = self.raw("loopIteration"), self.counts
+        gaps = np.rint(self._share * np.diff(number)) - 1.0
+        gaps[np.isin(number[1:], [x.numbers[0] for x in self.events if x.kind == RESUMED])] = 0.0
+        lost, places = int(np.sum(gaps[gaps > 0.0])), np.count_nonzero(gaps > 0.0)
         others = [k for k in np.argsort(self.sizes)[::-1].tolist() if k + 1 != self.number]
         listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
         more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
         several = f"log {self.number} of {len(self.sizes)} is read; the others are {listed}{more}"
         damage = (
-            (own.corrupt, f"{own.corrupt} places ({own.skipped} bytes) where no whole frame is"),
-            (own.unfounded, f"{own.unfounded} frames without the one that they build on"),
-            (own.unbelieved, f"{own.unbelieved} frames whose time or number jumps"),
+            (
+                own["corrupt"],
+                f"{own['corrupt']} places ({own['skipped']} bytes) where no whole frame is",
+            ),
+            (own["unfounded"], f"{own['unfounded']} frames without the one that they build on"),
+            (own["unbelieved"], f"{own['unbelieved']} frames whose time or number jumps"),
             (lost, f"{lost} frames missing between others, in {places} places"),
         )
         faults = ", ".join(text for count, text in damage if count)
-        cut = 0 if own.ended else self._bytes - own.last
-        later = self._events[self._events[:, 1] > self._times["main"][0], 0]
-        changed, paused = (int(np.count_nonzero(later == one)) for one in (ADJUSTED, RESUMED))
+        later = [one.kind for one in self.events if one.time > self.time()[0]]
+        changed, paused = (later.count(one) for one in (ADJUSTED, RESUMED))
         found = (
             ("logs", several, len(others), [Option("log", str(one + 1)) for one in others[:1]]),
             (
                 "corruption",
-                f"{self._place}: besides {own.main} whole frames {faults}",
-                sum(own[4:7]) + lost,
+                f"{self._place}: besides {own['main']} whole frames {faults}",
+                sum(count for count, _ in damage),
                 (),
             ),
-            ("cut off", f"{self._place}: its last {cut} bytes are no whole frame", cut, ()),
+            (
+                "cut off",
+                f"{self._place}: its last {self._cut} bytes are no whole frame",
+                self._cut,
+                (),
+            ),
             (
                 "adjusted",
                 f"{changed} settings were changed in flight; the header has the first ones",
@@ -341,9 +332,9 @@ def read_dump(path: str | PathLike[str]) -> FrozenMap[str, str]:
         elif match := _SETTING.fullmatch(line):
             name, value = (match[1], match[2]) if match[1] else (match[3], match[4])
             found.setdefault(place if match[1] else "", {})[shown(name)] = shown(value, 500)
-    settings = found[""].copy()
-    for one in chosen.values():
-        settings |= found.get(one, {})
+    settings = found[""] | {
+        name: value for one in chosen.values() for name, value in found.get(one, {}).items()
+    }
     if not settings:
         raise StorageError(f"{path}: no setting in it, such as 'set roll_p_gain = 50'")
     return FrozenMap(settings)
@@ -360,14 +351,6 @@ def _header(data: bytes, at: int, stop: int) -> tuple[dict[str, str], int]:
     return lines, at
 
 
-def _hex_float(text: str) -> float:
-    """Return a number that is written as its bits; 0 if it isn't."""
-    try:
-        return struct.unpack(">f", int(text, 16).to_bytes(4, "big"))[0]
-    except (ValueError, OverflowError):
-        return 0.0
-
-
 def _integers(lines: Mapping[str, str], name: str, where: str) -> list[int]:
     """Return the whole numbers of a line of the header, [] without it. Raises StorageError."""
     found = [one.strip() for one in lines.get(name, "").split(",")]
@@ -381,18 +364,13 @@ def _integer(lines: Mapping[str, str], name: str, default: int, where: str) -> i
     return (_integers(lines, name, where) or [default])[0]
 
 
-class _Tables(NamedTuple):
-    """What `decode` needs of a header; `names` are the fields of main, slow and GPS frames."""
+def _tables(
+    lines: Mapping[str, str], where: str
+) -> tuple[NDArray[np.int32], list[int], dict[str, list[str]], list[int], list[int]]:
+    """Return `tables`, `sizes`, names, `known` and `every` as `decode` wants them.
 
-    fields: NDArray[np.int32]
-    sizes: list[int]
-    names: dict[str, list[str]]
-    known: list[int]
-    every: list[int]
-
-
-def _tables(lines: Mapping[str, str], where: str) -> _Tables:
-    """Return what a header says of frames. Raises StorageError if it can't be."""
+    Raises StorageError if they can't be.
+    """
     from helisim.logs import blackbox_frames as of
 
     listed = {one: lines.get(f"Field {one} name", "").split(",") for one in "ISGH"}
@@ -421,11 +399,15 @@ def _tables(lines: Mapping[str, str], where: str) -> _Tables:
             at += of.ENCODINGS[int(fields[k, 2, at])]
         if at > size or (of.MOTOR_0 in fields[k, 1] and "motor[0]" not in names["I"]):
             raise StorageError(f"{where}: the header's {letter} frames lack fields of a group")
-    known = [0] * (of.HOME_1 + 1)
-    known[of.US_1500], known[of.VBATREF] = 1500, _integer(lines, "vbatref", 4095, where)
-    known[of.MINTHROTTLE] = _integer(lines, "minthrottle", 1150, where)
-    known[of.MINMOTOR] = _integer(lines, "motorOutput", known[of.MINTHROTTLE], where)
-    known.append(names["I"].index("motor[0]") if "motor[0]" in names["I"] else 0)
+    least = _integer(lines, "minthrottle", 1150, where)
+    added = {
+        of.US_1500: 1500,
+        of.VBATREF: _integer(lines, "vbatref", 4095, where),
+        of.MINTHROTTLE: least,
+        of.MINMOTOR: _integer(lines, "motorOutput", least, where),
+    }
+    motor = [*names["I"], "motor[0]"].index("motor[0]")
+    known = [*(added.get(k, 0) for k in range(of.HOME_1 + 1)), motor]
     every = _integer(lines, "I interval", 32, where)
     counted, _, of_all = lines.get("P interval", "1").partition("/")
     rates = {"P": f"{counted},{of_all}" if of_all else f"1,{counted}"}
@@ -434,4 +416,4 @@ def _tables(lines: Mapping[str, str], where: str) -> _Tables:
     if not (0 < some <= all_ <= _RATES and 0 < every <= 64 * _RATES):
         said = f"the header's intervals of I and P frames are {every} and {some}/{all_}"
         raise StorageError(f"{where}: {said}, which can't be")
-    return _Tables(fields, sizes, names, known, [every, some, all_])
+    return fields, sizes, names, known, [every, some, all_]

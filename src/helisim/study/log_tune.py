@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -461,8 +462,10 @@ def searched(
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked, held)
         except NoGains as error:
-            none[error.axis] = _UNKNOWN if tries[error.axis] else str(error)
-            del asked[error.axis]
+            none[error.axis] = str(error)
+            with suppress(NoGains):  # of the likeliest model there are some
+                search(plants[:1], law, {error.axis: asked.pop(error.axis)}, held)
+                none[error.axis] = _UNKNOWN
             continue
         gains = {axis: rounded(axis, one) for axis, one in gains.items()}
         loop = PredictedLoop.of(plants, law(gains))
@@ -489,8 +492,7 @@ def searched(
 
 def _error(figures: Mapping[str, Interval]) -> float:
     """Return what disturbances leave, s: the sum of 1 / DRB of both kinds."""
-    both = (figures[name].value for name in ("DRB", ATTITUDE_DRB))
-    return sum(1.0 / one for one in both if math.isfinite(one))
+    return sum(1.0 / figures[name].value for name in ("DRB", ATTITUDE_DRB) if name in figures)
 
 
 def lacks(figures: Mapping[str, Interval], required: Required) -> Required:

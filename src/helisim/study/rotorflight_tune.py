@@ -18,6 +18,7 @@ from helisim.base.linear import LinearSystem
 from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures import margins
 from helisim.handling.loop import axis_of
 from helisim.handling.predicted import PredictedLoop
 from helisim.ident import Fit, identify, structures
@@ -140,26 +141,25 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
             )
         return found
 
-    axes: dict[str, of.RotorflightAxis] = {}
-    for axis, kind in zip(_AXES.values(), (of.CyclicRotorflight,) * 2 + (of.YawRotorflight,)):
+    axes: dict[str, dict[str, float]] = {}
+    for axis in _AXES.values():
         gains = dict(zip("pidfb", numbers(f"{axis}PID", 3)))
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
         cutoffs = dict(zip(("gyro_cutoff", "d_cutoff", "b_cutoff"), numbers(f"{axis}BW", 2)))
-        axes[axis] = kind(range=1.0, **gains, **cutoffs)
+        axes[axis] = {"range": 1.0, **gains, **cutoffs}
     if "yaw_stop_gain" in header:
-        sides = numbers("yaw_stop_gain", 2)
-        axes["yaw"] = replace(axes["yaw"], cw_stop_gain=sides[0], ccw_stop_gain=sides[1])
+        axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), numbers("yaw_stop_gain", 2))
     return of.Rotorflight(
-        roll=axes["roll"],
-        pitch=axes["pitch"],
-        yaw=axes["yaw"],
+        roll=of.CyclicRotorflight(**axes["roll"]),
+        pitch=of.CyclicRotorflight(**axes["pitch"]),
+        yaw=of.YawRotorflight(**axes["yaw"]),
         collective=of.CollectiveRotorflight(range=1.0),
         gyro_lowpass=0.0,
     )
 
 
 def command_of(axis: str, name: str) -> float:
-    """Return the command, rad, of one of a gain by a rate in rad/s (P, F), or as I and D have it."""
+    """Return the command, rad, of one of a gain by 1 rad/s (P, F), 1 rad (I) or 1 rad/s^2 (D)."""
     pitch = of.TAIL_PITCH if axis == "yaw" else of.CYCLIC_PITCH
     return math.degrees(of.SCALES[axis][name]) * pitch
 
@@ -195,6 +195,14 @@ def tune_blackbox(
     on_step("loops as flown")
     axes, today = tuned_axes(plant), Feedback(law, period, {})
     loop = PredictedLoop.of(plants, today)
+    for axis in axes:
+        turns = margins(loop.broken(axis)).gain
+        nearest, _ = min(turns, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
+        if nearest > _BAND[1]:
+            remarks.append(
+                f"the gain margin of {axis_of(axis).word} lies at {nearest:.0f} rad/s, beyond "
+                f"{_BAND[1]:g} rad/s, to where flights tell the model"
+            )
     stays = {axis: loop.figures(axis) for axis in axes}
     on_step("candidates")
     gains, tuned, none = searched(
@@ -217,9 +225,7 @@ def tune_blackbox(
             louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
             changes = _changes(axis, gains[axis], law, plants)
             loops |= {"predicted": ClosedLoop(plant, better).broken(axis)}
-            one = replace(
-                one, tuned=tuned[axis], noise=louder, changes=changes, loops=loops
-            )
+            one = replace(one, tuned=tuned[axis], noise=louder, changes=changes, loops=loops)
         found.append(one)
     return LogTuning(
         tuple(logs),
@@ -265,9 +271,7 @@ def _settings(axis: str, gains: Gains) -> dict[str, float]:
 
 
 def _with(law: of.Rotorflight, period: float, gains: Mapping[str, Gains]) -> Feedback:
-    return Feedback(
-        law, period, {_AXES[axis]: _settings(axis, one) for axis, one in gains.items()}
-    )
+    return Feedback(law, period, {_AXES[axis]: _settings(axis, one) for axis, one in gains.items()})
 
 
 def _whole(axis: str, gains: Gains) -> Gains:

@@ -60,6 +60,7 @@ _OFFSET_LIMIT = (12, 12, 10, 8, 6, 4, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2)
 _BLOCKS = {"roll": ROLL, "pitch": PITCH, "yaw": YAW, "collective": COLLECTIVE}
 _SLOW, _SHARE = 0.475, 500.0  # of the loops' rate, at most of a cutoff; Hz s of a response's time
 
+Numbers = Sequence[float] | NDArray[np.float64]
 gain = partial(setting, low=0.0, high=1000.0)
 
 
@@ -296,18 +297,18 @@ class Rotorflight(Law):
         return found
 
 
-def _write(settings: NDArray[np.float64], places: Mapping[int, Sequence[float]]) -> None:
+def _write(settings: NDArray[np.float64], places: Mapping[int, Numbers]) -> None:
     for first, values in places.items():
         settings[first : first + len(values)] = values
 
 
 def _axis(
     name: str, axis: RotorflightAxis | CollectiveRotorflight, period: float
-) -> dict[int, Sequence[float]]:
+) -> dict[int, Numbers]:
     """Return an axis's numbers by their place in its block."""
     pitch = TAIL_PITCH if name == "yaw" else CYCLIC_PITCH
     of_full = 1.0 if isinstance(axis, RotorflightAxis) else 1.0 / math.degrees(pitch)
-    places: dict[int, Sequence[float]] = {
+    places: dict[int, Numbers] = {
         AXIS.scale: [pitch / axis.range, getattr(axis, "centre", 0.0) / pitch],
         AXIS.rate: [of_full * axis.rate, axis.expo],
         AXIS.most: [1e-3 * axis.limit],

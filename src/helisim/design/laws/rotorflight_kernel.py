@@ -6,6 +6,8 @@ left and up, as the firmware has them. Source: rotorflight-firmware 4.6, flight/
 
 import math
 from collections import namedtuple
+from itertools import accumulate
+from typing import Any
 
 from helisim.design.laws.attitude_kernel import PLATE_NUMBERS, bounded
 from helisim.physics.gyro import mix, rotate, unmix
@@ -13,7 +15,7 @@ from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 
 MOST_NOTCHES = 6
-COEFFICIENTS, BIQUAD = 3, 5  # of a filter: b0, b1, a1; of a notch: b0, b1, b2, a1, a2
+BIQUAD = 5  # of a notch: b0, b1, b2, a1, a2; a filter has three, b0, b1, a1
 POINTS = 16  # of a curve over collective, 0 to 15 degrees
 SMOOTHING = 3  # filters of a stick, one behind the other
 HELD = 5.0  # loops for which an axis counts as saturated
@@ -21,40 +23,33 @@ _CURVE_END = 0.8  # of a mixer's 1, 12 degrees, where a curve has 15
 _STOP_BAND = 10.0  # deg/s of error between the two stop gains of yaw
 
 
-def addressed(names: str, first: int = 0) -> list[int]:
-    """Return addresses of names; one such as "smooth:3" takes several places, one after another."""
-    widths = [int(one.partition(":")[2] or 1) for one in names.split()]
-    return [first + sum(widths[:k]) for k in range(len(widths) + 1)]
+def laid_out(kind: str, names: str) -> tuple[Any, int]:
+    """Return addresses by name, and the one behind; "smooth:3" takes three, one after another."""
+    fields = [one.partition(":")[::2] for one in names.split()]
+    ends = [0, *accumulate(int(width or 1) for _, width in fields)]
+    return known(namedtuple(kind, [name for name, _ in fields]))(*ends[:-1]), ends[-1]
 
 
-def _named(names: str) -> list[str]:
-    return [one.partition(":")[0] for one in names.split()]
-
-
-_GENERAL = (
-    "period cosine sine ring cross cross_filter:3 sign precomp_collective "
-    f"precomp_cyclic precomp_filter:3 charge:{POINTS} fade:{POINTS} fade_limit:{POINTS} "
-    f"notches notch:{BIQUAD * MOST_NOTCHES} plate:{PLATE_NUMBERS}"
+GENERAL, ROLL = laid_out(
+    "General",
+    "period cosine sine ring cross cross_filter:3 sign precomp_collective precomp_cyclic "
+    f"precomp_filter:3 charge:{POINTS} fade:{POINTS} fade_limit:{POINTS} notches "
+    f"notch:{BIQUAD * MOST_NOTCHES} plate:{PLATE_NUMBERS}",
 )
-_AXIS = (
-    f"state scale centre rate expo p i d f b o falling rising relax limit decay decay_limit "
-    f"curve:{POINTS} offset_limit most smooth:3 response:3 lowpass:3 gyro:3 "
-    "derivative:3 boost:3 relax_filter:3"
-)
-_STATES = (
-    f"smooth:{SMOOTHING} response error offset saturated lowpass gyro derivative boost relax "
-    f"notch:{2 * MOST_NOTCHES}"
-)
-General = known(namedtuple("General", _named(_GENERAL)))
 """Addresses of the whole law's numbers in its settings."""
-Axis = known(namedtuple("Axis", _named(_AXIS)))
+AXIS, BLOCK = laid_out(
+    "Axis",
+    "state scale centre rate expo p i d f b o falling rising relax limit decay decay_limit "
+    f"curve:{POINTS} offset_limit most smooth:3 response:3 lowpass:3 gyro:3 derivative:3 "
+    "boost:3 relax_filter:3",
+)
 """Addresses of an axis's numbers in its block; of collective, those of its stick alone."""
-States = known(namedtuple("States", _named(_STATES)))
+STATE, OF_AXIS = laid_out(
+    "States",
+    f"smooth:{SMOOTHING} response error offset saturated lowpass gyro derivative boost relax "
+    f"notch:{2 * MOST_NOTCHES}",
+)
 """Places of an axis's states behind its first."""
-*_general, ROLL = addressed(_GENERAL)
-*_axis, BLOCK = addressed(_AXIS)
-*_states, OF_AXIS = addressed(_STATES)
-GENERAL, AXIS, STATE = General(*_general), Axis(*_axis), States(*_states)
 PITCH, YAW, COLLECTIVE = (ROLL + k * BLOCK for k in (1, 2, 3))
 SETTINGS = COLLECTIVE + BLOCK
 DEFLECTED, TILTED, CROSS, PRECOMP, FIRST = range(5)

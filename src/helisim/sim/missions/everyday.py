@@ -21,7 +21,7 @@ class Everyday(Mission):
     """
 
     duration: float = setting(120.0, unit="s", low=1.0)
-    size: float = setting(1.0, low=0.0, high=3.0)
+    size: float = setting(1.0, above=0.0, high=3.0)
     speed: float = setting(4.0, unit="m/s", above=1.0, high=30.0)
 
     def fly(self, pilot: Autopilot) -> Iterator[None]:
