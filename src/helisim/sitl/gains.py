@@ -392,7 +392,7 @@ class _Cut(NamedTuple):
             )
             sensed = one.inputs.index(axis_of(axis).rate or "")
             rows.append((by_rate, both - by_rate, one.responses[one.outputs.index(axis), sensed]))
-        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size))
+        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size, complex))
         found = found._replace(beside=found.closed(some[:, :1]).loop[0])
         return found._replace(least=float(found.closed(some).growing().min()))
 
