@@ -242,12 +242,24 @@ def _models(
 ) -> tuple[list[Fit], dict[str, str]]:
     """Return models that flights tell, and why an axis has no gains; extend the remarks."""
     fits, wrong = list[Fit](), dict[str, str]()
+
+    def moving(*names: str) -> tuple[str, ...]:
+        return tuple(one for one in names if any(np.ptp(record[one]) > 0.0 for record in records))
+
     for structure, inputs, outputs, others in _FITS:
         if motor_tail and "ped" in inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
-        wanted = InferredFit(structure, inputs, outputs, others, _STICKS, _BAND, "")
+        wanted = InferredFit(
+            structure, inputs, outputs, moving(*others), moving(*_STICKS), _BAND, ""
+        )
         words = " and ".join(axis_of(one).word for one in inputs)
+        if len(moving(*(one.upper() for one in inputs))) < len(inputs):
+            remarks.append(
+                f"no model of {words}: a setpoint of it never moves, and feedback alone shows the "
+                f"controller's inverse; {_FLY}"
+            )
+            continue
         try:
             (estimate,) = estimate_fits(records, [wanted])
             own = structures.named(structure)
