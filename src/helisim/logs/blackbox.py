@@ -132,7 +132,7 @@ class Blackbox:
             terms = [one for one in self._terms(name[-3:]) if one in self._at]
             limit = self._limits[name == "axisSum[2]"] or np.inf
             total = np.sum([self.raw(one) for one in terms], axis=0)
-            return np.clip(total, -limit, limit) * self._scale(name)[0]
+            return np.asarray(np.clip(total, -limit, limit) * self._scale(name)[0], np.float64)
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
