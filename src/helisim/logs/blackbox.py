@@ -106,7 +106,10 @@ class Blackbox:
     """A log of a file; `log["gyroADC[0]"]` is a column in the unit that `units` says, if one.
 
     `log` is its number from 1, by default the largest's; `sizes` are all logs' bytes, `header` its
-    parameters. Raises StorageError if it can't be read, InputError if there is no such log.
+    parameters, `events` are in their order. `counts` says what is kept, and what isn't: places that
+    are "corrupt", "unfounded" frames without the one that they build on, "unbelieved" ones whose
+    time or number jumps, "skipped" bytes. Raises StorageError if it can't be read, InputError if
+    there is no such log.
     """
 
     def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
