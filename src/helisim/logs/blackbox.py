@@ -193,7 +193,7 @@ class Blackbox:
     @property
     def _motor_tail(self) -> bool:
         """Whether a motor drives the tail, so that the mixer's yaw is its throttle."""
-        return "mixer[2]" in self._at and "motor[1]" in self._at
+        return self._of_firmware(_SCALES_OF) is _ROTORFLIGHT and "motor[1]" in self._at
 
     def _terms(self, axis: str) -> list[str]:
         return [f"axis{letter}{axis}" for letter in "PIDFBOS"]
