@@ -106,7 +106,10 @@ class Blackbox:
     """A log of a file; `log["gyroADC[0]"]` is a column in the unit that `units` says, if one.
 
     `log` is its number from 1, by default the largest's; `sizes` are all logs' bytes, `header` its
-    parameters. Raises StorageError if it can't be read, InputError if there is no such log.
+    parameters, `events` are in their order. `counts` says what is kept, and what isn't: places that
+    are "corrupt", "unfounded" frames without the one that they build on, "unbelieved" ones whose
+    time or number jumps, "skipped" bytes. Raises StorageError if it can't be read, InputError if
+    there is no such log.
     """
 
     def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
@@ -132,7 +135,7 @@ class Blackbox:
             terms = [one for one in self._terms(name[-3:]) if one in self._at]
             limit = self._limits[name == "axisSum[2]"] or np.inf
             total = np.sum([self.raw(one) for one in terms], axis=0)
-            return np.clip(total, -limit, limit) * self._scale(name)[0]
+            return np.asarray(np.clip(total, -limit, limit) * self._scale(name)[0], np.float64)
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
@@ -190,7 +193,7 @@ class Blackbox:
     @property
     def _motor_tail(self) -> bool:
         """Whether a motor drives the tail, so that the mixer's yaw is its throttle."""
-        return "mixer[2]" in self._at and "motor[1]" in self._at
+        return self._of_firmware(_SCALES_OF) is _ROTORFLIGHT and "motor[1]" in self._at
 
     def _terms(self, axis: str) -> list[str]:
         return [f"axis{letter}{axis}" for letter in "PIDFBOS"]
