@@ -118,7 +118,8 @@ def _slope(
 def law_of_log(log: Blackbox) -> of.Rotorflight:
     """Return the law that flew by a log's header, for commands in rad of blade pitch.
 
-    Without the gyro's filters, behind which the log's gyro is. Raises LogError for another
+    Without the gyro's filters, behind which the log's gyro is; cutoffs that the header lacks are
+    the firmware's defaults. Raises LogError for another
     firmware's log, or where the header lacks gains.
     """
     header, place = log.header, log.path.name
@@ -145,8 +146,9 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
     for axis in _AXES.values():
         gains = dict(zip("pidfb", numbers(f"{axis}PID", 3)))
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
-        cutoffs = dict(zip(("gyro_cutoff", "d_cutoff", "b_cutoff"), numbers(f"{axis}BW", 2)))
-        axes[axis] = {"range": 1.0, **gains, **cutoffs}
+        axes[axis] = {"range": 1.0, **gains}
+        if f"{axis}BW" in header:
+            axes[axis] |= zip(("gyro_cutoff", "d_cutoff", "b_cutoff"), numbers(f"{axis}BW", 2))
     if "yaw_stop_gain" in header:
         axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), numbers("yaw_stop_gain", 2))
     return of.Rotorflight(
@@ -182,6 +184,11 @@ def tune_blackbox(
     on_step("models")
     first = open_blackbox(paths[0], file_digest(paths[0]), None)
     law, remarks = law_of_log(first), list[str]()
+    if "rollBW" not in first.header:
+        remarks.append(
+            "the header lacks the controller's cutoffs (rollBW, of Rotorflight 4.4 and later): the "
+            "firmware's defaults are taken"
+        )
     records = [record for one in paths for record in read_log(one).records]
     fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
     if not fits:
