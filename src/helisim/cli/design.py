@@ -240,12 +240,14 @@ def tune(o: Options) -> int:
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
     ones will, with 95 % intervals; print tones of the gyros and what notches leave of them; write
     gains and notches as parameters. From logs without sweeps: feed-forward and today's loops, by
-    stick steps or AutoTune's tests, and vibration. Without a log: solve for the
+    stick steps or AutoTune's tests, and vibration. From Blackbox logs of Rotorflight: today's loops
+    and better gains by ordinary flying, as text for its command line. Without a log: solve for the
     gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
     or the rate command of its parameters; print the loops' margins.
 
     Options:
-        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID
+        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID; or
+            Blackbox of Rotorflight
         --out FILE <.param .parm .txt =tuned.param>  the new parameters (default: tuned.param)
         --report FILE <.html>  page on the flight, .html
         --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
