@@ -146,9 +146,7 @@ def test_a_flight_without_information_is_refused(tmp_path):
 def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):
     columns = flown(2.0)
     other = {"Firmware type": "Betaflight", "Firmware revision": "Betaflight 4.5.0 (a) X"}
-    with pytest.raises(
-        LogError, match=r"Betaflight 4\.5\.0; its models are told by helisim identify"
-    ):
+    with pytest.raises(LogError, match=r"Betaflight 4\.5\.0; its models are told by helisim"):
         law_of_log(Blackbox(saved(tmp_path, columns, **other)))
     with pytest.raises(LogError, match="the header's yawPID is '80,x', expected 3 numbers"):
         law_of_log(Blackbox(saved(tmp_path, columns, yawPID="80,x")))
