@@ -4,9 +4,8 @@
 
 A table NAME.03.csv is of the third log in FOLDER/NAME.*, as Betaflight's blackbox_decode writes it
 with `--unit-vbat raw --unit-amperage raw`; without a number it is of the only one. Rows are matched
-by their times. Columns that a decoder computes are left out, and so is loopIteration, which
-decoders number otherwise: instead, whether ours fits the clock is printed, as the largest error of
-time over iterations, in iterations.
+by their times. Columns that a decoder computes are left out, and so is loopIteration, which that
+one counts by frames instead of by the header's P interval.
 """
 
 import csv
@@ -42,12 +41,12 @@ def compared(log: Blackbox, other: dict[str, np.ndarray]) -> str:
     names = [one for one in names if one != "loopIteration" and not one.startswith("axisSum")]
     differ = {one: int(np.count_nonzero(log.raw(one)[ours] != other[one][theirs])) for one in names}
     wrong = ", ".join(f"{name} {count}" for name, count in differ.items() if count) or "none"
-    step = np.polyfit(log.raw("loopIteration"), mine - mine[0], 1)
-    off = np.max(np.abs(np.polyval(step, log.raw("loopIteration")) - (mine - mine[0]))) / step[0]
+    own = log.counts
     return (
-        f"{mine.size} frames, {log.counts.corrupt} corrupt, {log.counts.unfounded} unfounded; "
-        f"{other['time'].size} of the other decoder, {ours.size} of both; of {len(names)} columns "
-        f"{sum(differ.values())} of {len(names) * ours.size} values differ: {wrong}; clock {off:.1f}"
+        f"{own['main']} frames, {own['corrupt']} places without one, time goes back "
+        f"{np.count_nonzero(np.diff(mine) <= 0)} times; {other['time'].size} of the other decoder, "
+        f"{ours.size} of both; of their {len(names)} columns {sum(differ.values())} of "
+        f"{len(names) * ours.size} values differ: {wrong}"
     )
 
 

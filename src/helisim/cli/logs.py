@@ -58,8 +58,7 @@ def read_logs(
         beside = [name for name in (*ATTITUDES, *IN2) if name in given.channels]
         own = {name: given.channels.get(name, Column(name)) for name in (*wanted, *beside)}
         said = options.map is not None or options.channel or options.names
-        beside_log = given if options.log else tuple(wanted)
-        channels = replace(given, channels=own) if said else beside_log
+        channels = replace(given, channels=own) if said else given if options.log else tuple(wanted)
     return read_logs(
         options.logs,
         channels=channels,
@@ -117,8 +116,14 @@ def given_columns(options: Options) -> "Map":
         column, _, unit = options.time.partition(":")
         given = replace(given, time=Clock(column, unit or None))
     if options.names or options.log:
-        own = {"names": options.names or given.file.names, "log": options.log or given.file.log}
-        given = replace(given, file=replace(given.file, **own))
+        given = replace(
+            given,
+            file=replace(
+                given.file,
+                names=options.names or given.file.names,
+                log=options.log or given.file.log,
+            ),
+        )
     with placed("--channel"):
         return given.with_channels(dict(map(named_column, options.channel)))
 

@@ -33,9 +33,8 @@ from helisim.records.record import ACCELERATIONS, ATTITUDES, RATES
 _START = b"H Product:Blackbox flight data recorder"
 _SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
 _LINE = re.compile(rb"H (?:([^\n:]{1,200}):([^\n]{0,20000})|[ -~]{0,2000})\n")
-_RATES = 10_000  # largest intervals between frames, iterations
+_SLOWEST = 640_000  # largest interval from an I frame to the next, iterations
 _BEYOND = 64  # bytes behind a file's that a frame which is cut off may reach
-_TERMS = "PIDFBOS"
 _NAMED = 8  # other logs of a file that are named, at most
 _DUMP_BYTES = 1 << 22  # largest dump of the command line
 _PROFILE = re.compile(r"(profile|rateprofile) (\d+)")
@@ -107,7 +106,10 @@ class Blackbox:
     """A log of a file; `log["gyroADC[0]"]` is a column in the unit that `units` says, if one.
 
     `log` is its number from 1, by default the largest's; `sizes` are all logs' bytes, `header` its
-    parameters. Raises StorageError if it can't be read, InputError if there is no such log.
+    parameters, `events` are in their order. `counts` says what is kept, and what isn't: places that
+    are "corrupt", "unfounded" frames without the one that they build on, "unbelieved" ones whose
+    time or number jumps, "skipped" bytes. Raises StorageError if it can't be read, InputError if
+    there is no such log.
     """
 
     def __init__(self, path: str | PathLike[str], log: int | None = None) -> None:
@@ -133,7 +135,7 @@ class Blackbox:
             terms = [one for one in self._terms(name[-3:]) if one in self._at]
             limit = self._limits[name == "axisSum[2]"] or np.inf
             total = np.sum([self.raw(one) for one in terms], axis=0)
-            return np.clip(total, -limit, limit) * self._scale(name)[0]
+            return np.asarray(np.clip(total, -limit, limit) * self._scale(name)[0], np.float64)
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
@@ -191,10 +193,10 @@ class Blackbox:
     @property
     def _motor_tail(self) -> bool:
         """Whether a motor drives the tail, so that the mixer's yaw is its throttle."""
-        return "mixer[2]" in self._at and "motor[1]" in self._at
+        return self._of_firmware(_SCALES_OF) is _ROTORFLIGHT and "motor[1]" in self._at
 
     def _terms(self, axis: str) -> list[str]:
-        return [f"axis{letter}{axis}" for letter in _TERMS]
+        return [f"axis{letter}{axis}" for letter in "PIDFBOS"]
 
     def _scale(self, name: str) -> tuple[float, str]:
         """Return what a count of a column is, and in which unit; "" if none is known."""
@@ -225,17 +227,16 @@ class Blackbox:
         from helisim.logs.blackbox_frames import COUNTS, EVENT, LETTERS, TEXT, decode
 
         stop = max(len(data[:stop].rstrip(b"\xff")), start)  # that are an empty memory
-        counted = np.frombuffer(data, np.uint8, stop - start, start)
         letters = np.full(256, -1, np.int64)
-        for k, letter in enumerate(LETTERS):
-            letters[ord(letter)] = k if k == EVENT or sizes[k] else -1
-        intra, inter, *most = (np.count_nonzero(counted == ord(one)) for one in "IPSGE")
-        most = [intra + inter, *most]
+        letters[[*LETTERS.encode()]] = [*(k if n else -1 for k, n in enumerate(sizes)), EVENT]
+        most = [sum(data.count(k, start, stop) for k in one) for one in (b"IP", b"S", b"G", b"E")]
         rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
         times = tuple(np.empty(n, np.int64) for n in most[:3])
         events, counts = np.empty((most[-1] + 1, 4)), np.zeros(10, np.int64)
-        places = [names["I"].index(one) for one in ("loopIteration", "time")]
-        places.append(names["G"].index("time") if "time" in names["G"] else -1)
+        places = [
+            *(names["I"].index(one) for one in ("loopIteration", "time")),
+            names["G"].index("time") if "time" in names["G"] else -1,
+        ]
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
         beyond = np.frombuffer(data, np.uint8)[start:]
         decode(beyond, stop - start, letters, tables, *arrays, rows, times, events, counts)
@@ -243,9 +244,8 @@ class Blackbox:
         if not self.counts["main"]:
             raise StorageError(f"{self._place}: a header, and no frame in {stop - start} bytes")
         clocks = {"main": "I", "slow": "S", "gps": "G"}
-        kept = self.counts
-        self._values = {k: one[: kept[k]] for k, one in zip(clocks, rows)}
-        self._times = {k: one[: kept[k]] for k, one in zip(clocks, times) if kept[k]}
+        self._values = {k: one[: self.counts[k]] for k, one in zip(clocks, rows)}
+        self._times = {k: one[: self.counts[k]] for k, one in zip(clocks, times) if self.counts[k]}
         np.maximum(times[1], times[0][0], out=times[1])  # of S frames ahead of all
         self._signed = {k: tables[LETTERS.index(one), 0] for k, one in clocks.items()}
         self._at = {
@@ -256,13 +256,13 @@ class Blackbox:
                 1e-6 * time,
                 int(kind),
                 (x, y),
-                shown(data[start + int(x) :][: int(y)].decode(errors="replace"))
+                shown(data[start + int(x) : start + int(x + y)].decode(errors="replace"))
                 if kind == TEXT
                 else "",
             )
-            for kind, time, x, y in events[: kept["events"]].tolist()
+            for kind, time, x, y in events[: self.counts["events"]].tolist()
         )
-        self._cut = 0 if kept["ended"] else stop - start - kept["last"]
+        self._cut = 0 if self.counts["ended"] else stop - start - self.counts["last"]
 
     def _findings(self) -> list[LogFinding]:
         from helisim.logs.blackbox_frames import ADJUSTED, RESUMED
@@ -284,14 +284,14 @@ class Blackbox:
             (own["unbelieved"], f"{own['unbelieved']} frames whose time or number jumps"),
             (lost, f"{lost} frames missing between others, in {places} places"),
         )
-        faults = ", ".join(text for count, text in damage if count)
         later = [one.kind for one in self.events if one.time > self.time()[0]]
         changed, paused = (later.count(one) for one in (ADJUSTED, RESUMED))
         found = (
             ("logs", several, len(others), [Option("log", str(one + 1)) for one in others[:1]]),
             (
                 "corruption",
-                f"{self._place}: besides {own['main']} whole frames {faults}",
+                f"{self._place}: besides {own['main']} whole frames "
+                + ", ".join(text for count, text in damage if count),
                 sum(count for count, _ in damage),
                 (),
             ),
@@ -409,11 +409,9 @@ def _tables(
     motor = [*names["I"], "motor[0]"].index("motor[0]")
     known = [*(added.get(k, 0) for k in range(of.HOME_1 + 1)), motor]
     every = _integer(lines, "I interval", 32, where)
-    counted, _, of_all = lines.get("P interval", "1").partition("/")
-    rates = {"P": f"{counted},{of_all}" if of_all else f"1,{counted}"}
-    some, all_ = [*_integers(rates, "P", where), 0, 0][:2]
-    all_ = all_ or every  # with 0 there are I frames alone
-    if not (0 < some <= all_ <= _RATES and 0 < every <= 64 * _RATES):
-        said = f"the header's intervals of I and P frames are {every} and {some}/{all_}"
-        raise StorageError(f"{where}: {said}, which can't be")
+    rate = re.fullmatch(r"(?:(\d{1,4})/)?(\d{1,4})", lines.get("P interval", "1"))
+    some, all_ = (int(rate[1] or 1), int(rate[2]) or every) if rate else (0, 0)
+    if not (0 < some <= all_ and 0 < every <= _SLOWEST):
+        given = f"{every} and {shown(lines.get('P interval', ''))!r}"
+        raise StorageError(f"{where}: the header's intervals of I and P frames can't be: {given}")
     return fields, sizes, names, known, [every, some, all_]

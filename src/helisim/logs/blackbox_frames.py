@@ -107,9 +107,8 @@ def _group(data: Bytes, at: Any, code: Any, size: Any, found: Numbers) -> Any:
         tag = tag if size > 1 else np.int64(1)  # which one alone doesn't have
         at = at + (size > 1) if not tag >> size else np.int64(_BROKEN)
         for k in range(size):
-            found[k] = 0
-            if tag >> k & 1 and at >= 0:
-                found[k], at = _signed(data, at)
+            there = tag >> k & 1 and at >= 0
+            found[k], at = _signed(data, at) if there else (np.int64(0), at)
         return at
     if code == _TAG8_4S16:
         first = 8 * at + 8
@@ -188,11 +187,9 @@ def _event(data: Bytes, at: Any, found: NDArray[np.float64]) -> Any:
         return at + _END.size + (data[at + _END.size] == 0)
     if kind == ADJUSTED:
         found[2], at = np.int64(data[at]), at + 1
-        if found[2] < 128:
-            found[3], at = _signed(data, at)
-            return at
-        found[3] = _bytes(data, at, 4)  # of a float
-        return at + 4
+        # an integer, or the bits of a float
+        found[3], at = _signed(data, at) if found[2] < 128 else (_bytes(data, at, 4), at + 4)
+        return at
     if kind in (100, TEXT):
         found[2], found[3] = at + 1, np.int64(data[at])
         return at + 1 + np.int64(data[at])
@@ -232,14 +229,13 @@ def _decode(
 
     Frames end at `stop`, and 64 more bytes may be read. `letters`, (256,), is byte -> table, or -1;
     `tables` are (5, 3, n_field): signs, predictors and encodings of main frames, whole and by
-    differences, slow, GPS and home ones, of whose fields there are `sizes`; `known`, (14,), is predictor -> number, the
-    last the place of motor[0]; `every` is (3,): iterations from an I frame to the next, and how
-    many of how many are logged; `places` are those of loopIteration, time and GPS's time. An event
-    is a kind, the last time, us, and two numbers.
+    differences, slow, GPS and home ones, of whose fields there are `sizes`; `known`, (14,), is
+    predictor -> number, the last the place of motor[0]; `every` is (3,): iterations from an I frame
+    to the next, and how many of how many are logged; `places` are those of loopIteration, time and
+    GPS's time. An event is a kind, the last time, us, and two numbers.
     """
-    width = tables.shape[2]
-    history, found = np.zeros((2, width), np.int64), np.zeros(width, np.int64)
-    group = np.zeros(8, np.int64)
+    history, group = np.zeros((2, tables.shape[2]), np.int64), np.zeros(8, np.int64)
+    found = np.zeros(tables.shape[2], np.int64)
     at, last, ended = np.int64(0), np.int64(0), False
     valid, homed, begun, whole = False, False, False, True
     time, iteration = np.int64(0), np.int64(0)  # of the last frame that is believed
@@ -259,8 +255,7 @@ def _decode(
             at += 1
             continue
         counts[_SKIPPED] += at - last
-        last = at = behind
-        whole = True
+        last, at, whole = behind, behind, True
         if kind == EVENT:
             if events[event, 0] == RESUMED:
                 iteration = np.int64(events[event, 2])

@@ -78,7 +78,9 @@ class Column:
             si, factor = "1", 1.0 / self.range
         else:
             si, factor = unit(name).si, unit(name).factor
-        if standard is not None and (standard.kind, si) in _RADIANS:
+        if standard is not None and (
+            (standard.kind, si) in (("IN1", "rad"), ("IN2", "rad"), ("IN2", "rad/s"))
+        ):
             si = (
                 "1"  # a deflection, or a rate that a stick asks for: 1 is a radian, or one a second
             )
@@ -199,7 +201,6 @@ class Map:
         return replace(self, channels={**self.channels, **channels})
 
 
-_RADIANS = {("IN1", "rad"), ("IN2", "rad"), ("IN2", "rad/s")}
 _PLACE = re.compile(r"\S[\[(]\d+[\])]$")  # a place in an array, such as "xyz[0]", no unit
 _HEADING = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
 

@@ -92,10 +92,8 @@ def read_as(
         names = None if channels is None else tuple(map_.channels)
         return _from_record(path, read_record(path), content, options, names)
     source = _open(path, map_, content)
-    if source.channels and not (map_.channels and isinstance(channels, Map | Mapping)):
-        map_ = map_.with_channels(source.channels)
-    if not map_.channels:
-        map_ = map_.with_channels(_stated(source))
+    if not map_.channels or (source.channels and not isinstance(channels, Map | Mapping)):
+        map_ = map_.with_channels(source.channels or _stated(source))
     return from_source(source, map_, content, options)
 
 

@@ -122,8 +122,9 @@ class Topics(Source):
         super().__init__(path, tuple(topics), findings)
         if not topics:
             raise StorageError(f"{path}: no messages with numbers in it")
-        self.format, self._topics, self._units = format, dict(topics), dict(units)
-        self.channels = channels
+        self.format, self._topics, self._units, self.channels = (
+            format, dict(topics), dict(units), channels,
+        )  # fmt: skip
         self._read, self._clock, self._first = read, clock, first
 
     def with_column(self, name: str, of: str, made: Callable[[NDArray], NDArray]) -> "Topics":

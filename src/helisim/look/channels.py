@@ -18,7 +18,11 @@ from helisim.logs.timing import steadiness
 from helisim.records.record import ACCELERATIONS, ATTITUDES, CHANNELS, IN1, IN2, POSITIONS, RATES
 
 CONTROLS = (*IN1, *IN2)
-AS_RECORDED, GIVEN = "as recorded", "given"  # why a channel is what it is
+AS_RECORDED, GIVEN, FIRMWARE = (
+    "as recorded",
+    "given",
+    "the firmware's name for it",
+)  # why a channel is what it is
 _PERCENT = 105.0
 _FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
 _GRAVITIES = {"m/s^2": 9.80665, "g": 1.0, "mg": 1000.0, "ft/s^2": 32.174}
@@ -282,8 +286,13 @@ def guess(
         except HelisimError:
             continue  # reading reports it
         column = replace(column, column=heading, unit=column.unit or source.stated_unit(heading))
-        why = GIVEN if name in given else "the firmware's name for it"
-        seen[name] = SeenChannel.of(name, column, why, clocks.get(source.clock(heading)), known)
+        seen[name] = SeenChannel.of(
+            name,
+            column,
+            GIVEN if name in given else FIRMWARE,
+            clocks.get(source.clock(heading)),
+            known,
+        )
     given_ones, taken = tuple(seen), {one.column.column for one in seen.values()}
     for heading in (name for name in source.names if name not in taken):
         meant, clock = named(heading, source.format), clocks.get(source.clock(heading))

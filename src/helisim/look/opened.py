@@ -115,8 +115,11 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     if not moving or not clocks:
         return replace(found, findings=(*findings, *findings.refused))
     wanted = replace(map_, channels={name: one.column for name, one in moving.items()})
-    fastest = min(max(one.rate for one in shown), _FASTEST)
-    fastest = fastest if len(used) > 1 or fastest == _FASTEST else None
+    fastest = (
+        min(max(one.rate for one in shown), _FASTEST)
+        if len(used) > 1 or any(one.rate > _FASTEST for one in shown)
+        else None
+    )
     records, said, taken = _read(path, wanted, options, fastest)
     return replace(
         found,
@@ -138,10 +141,9 @@ def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> Lo
 def _written(map_: Map) -> tuple[Option, ...]:
     """Return the options which say how a file is written."""
     time, names = map_.time or Clock(rate=1.0), ",".join(map_.file.names)
-    log = str(map_.file.log or "")
     said = {
         "names": names,
-        "log": log,
+        "log": str(map_.file.log or ""),
         "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":"),
     }
     return tuple(Option(name, value) for name, value in said.items() if value)
