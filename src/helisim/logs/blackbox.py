@@ -146,7 +146,7 @@ class Blackbox:
 
     def time(self, clock: str = "main") -> NDArray[np.float64]:
         """Return times of "main", "slow" or "gps" frames, (n_time,) s since power-on."""
-        return 1e-6 * item_of(self._times, clock, "clock")
+        return np.asarray(1e-6 * item_of(self._times, clock, "clock"), np.float64)
 
     @cached_property
     def columns(self) -> FrozenMap[str, str]:
