@@ -6,7 +6,7 @@ how often the 95 % intervals of today's loop hold the exact linearisation's figu
 they are off at the median; of new gains, the exact loop's margins beside the predicted ones. Bars:
 93 to 98 % of intervals; margins within 1 dB and 5 degrees. Exit status 1 if one is missed.
 
-    python scripts/proof/rotorflight_study.py [--vehicle blade360] [--seeds N] [--seconds S]
+    python scripts/proof/rotorflight_study.py [--vehicle NAME] [--seeds N] [--seconds S] [--size X]
 """
 
 import sys
@@ -46,7 +46,9 @@ class Exact:
         return self.linear.response(frequency) * np.exp(-0.5j * frequency * self.period)
 
 
-def main(*, vehicle: str = "jr700", seeds: int = 5, seconds: float = 120.0) -> int:
+def main(
+    *, vehicle: str = "jr700", seeds: int = 5, seconds: float = 120.0, size: float = 1.0
+) -> int:
     flown, told, held, off, new = hs.load(vehicle), Counter(), {}, {}, []
     law, exact = flights.law_for(flown), Exact(flown)
 
@@ -57,8 +59,8 @@ def main(*, vehicle: str = "jr700", seeds: int = 5, seconds: float = 120.0) -> i
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "flight.bbl"
-            shaking = flights.Shaking()
-            flight, loops = flights.fly(flown, law, seed=seed, duration=seconds, shaking=shaking)
+            how = {"duration": seconds, "size": size, "shaking": flights.Shaking()}
+            flight, loops = flights.fly(flown, law, seed=seed, **how)
             columns = flights.columns(flown, law, flight, loops)
             path.write_bytes(blackbox_logs.encode(columns, flights.header(law, exact.period)))
             found = tune_blackbox([str(path)])

@@ -70,8 +70,9 @@ def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
         "attitude[2]": np.mod(10.0 * np.cumsum(deg) * PERIOD, 3600.0),
         "headspeed": still + 2100.0,
     }
-    for name in ("setpoint", "mixer", "gyroADC", "attitude"):
+    for name in ("setpoint", "mixer", "attitude"):
         columns |= {f"{name}[{k}]": still for k in (0, 1)}
+    columns |= {f"gyroADC[{k}]": 2.0 * rng.standard_normal(count) for k in (0, 1)}
     columns |= dict.fromkeys(("setpoint[3]", "mixer[3]"), still + 300.0)
     return {name: np.rint(one).astype(np.int64) for name, one in columns.items()}
 

@@ -274,10 +274,10 @@ def _models(
         except (IdentificationError, InputError) as error:
             remarks.append(f"no model of {words}: {error}; {_FLY}")
             continue
-        if fit.verdict.word == "wrong":
+        # lost frames are told by their numbers; whole counts lie on straight lines, too
+        if any(reason.kind != "lost" for reason in fit.verdict.reasons):
+            # figures of a doubtful model are of motion as large as was flown, and not of all
             wrong |= dict.fromkeys(inputs, f"its model is {fit.verdict}; {_FLY}")
-        elif fit.verdict.reasons:
-            remarks.append(f"{structure}: {fit.verdict}")
         fits.append(fit)
     return fits, wrong
 
