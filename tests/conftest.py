@@ -5,6 +5,8 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # there is a worker for each core
+
 import mujoco
 import numpy as np
 import pytest
@@ -23,6 +25,12 @@ settings.register_profile(
     "helisim", deadline=None, derandomize=True, database=None, max_examples=50
 )
 settings.load_profile("helisim")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the whole experiments: else a worker has one to do when the others are done."""
+    items.sort(key=lambda item: "study" not in item.path.parts)
+
 
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")
 

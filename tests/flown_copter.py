@@ -48,7 +48,8 @@ class Plant:
         """Return (6, 3, n_freq)."""
         a, b, c = plant()
         z = np.exp(1j * frequency / RATE)
-        return np.stack([c @ np.linalg.solve(one * np.eye(9) - a, b) for one in z], axis=-1)
+        moved = np.linalg.solve(z[:, None, None] * np.eye(9) - a, b[None])
+        return np.moveaxis(c @ moved, 0, -1)
 
 
 class Flown(SidLog):

@@ -83,6 +83,7 @@ def values(jr700, tmp_path_factory):
         *(hs.Sequence(parts=parts), hs.Together(parts=parts), history),
         *(hs.FlightPlan(excitation=history), hs.Recorder(), hs.ProofPlan(repeats=2)),
         *(hs.Controller(tail=lagging_yaw, states=1), HOLDS, rates, rates.on(jr700)),
+        hs.Rotorflight.of(jr700),
         hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
         hs.StateSpaceLaw(period=0.002, inputs=("p",), **matrices, d=[[0.2]] * 4),
         hs.Airframe(mass=4.2, rotor=1.35, rpm=2100.0),
@@ -103,7 +104,7 @@ def values(jr700, tmp_path_factory):
 
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""
-NO_VALUE = {"HandFlight", "DataFlash"}
+NO_VALUE = {"HandFlight", "Blackbox", "DataFlash"}
 """Public classes whose instances go on, or read a file."""
 
 

@@ -8,6 +8,7 @@ from helisim.design.exact import exact_loop as exact_loop
 from helisim.design.laws import AttitudeCommand as AttitudeCommand
 from helisim.design.laws import Law as Law
 from helisim.design.laws import RateCommand as RateCommand
+from helisim.design.laws import Rotorflight as Rotorflight
 from helisim.design.laws import law_of as law_of
 from helisim.design.laws import read_law as read_law
 from helisim.design.laws.state_space import StateSpaceLaw as StateSpaceLaw
@@ -41,6 +42,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
+from helisim.logs import Blackbox as Blackbox
 from helisim.logs import DataFlash as DataFlash
 from helisim.logs import read_log as read_log
 from helisim.logs import read_logs as read_logs

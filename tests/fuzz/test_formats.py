@@ -17,6 +17,7 @@ import pytest
 
 import helisim as hs
 from autopilot_logs import Log, ulog
+from blackbox_logs import encode
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.settings import to_plain, toml_text
 from helisim.logs import REPAIRS, Column, DataFlash, Map
@@ -79,6 +80,7 @@ READERS = {
     "columns": ("other.parquet", read_a_log),
     "dataflash": ("log.bin", read_all_messages),
     "sweeps": ("sweeps.bin", read_sweeps),
+    "blackbox": ("log.bbl", partial(read_a_log, column="gyroADC[0]")),
     "ulog": ("log.ulg", partial(read_a_log, column="gyro.xyz")),
 }
 
@@ -112,6 +114,9 @@ def sound(tmp_path_factory, jr700):
     (folder / "parameters.toml").write_text(text, encoding="utf-8")
     time = 4000 * np.arange(300)
     (folder / "log.ulg").write_bytes(ulog({"gyro": (time, {"xyz": np.sin(1e-6 * time)})}))
+    gyro = np.rint(100.0 * np.sin(1e-6 * time)).astype(int)
+    fields = {f"gyroADC[{k}]": gyro for k in range(3)} | {f"axisP[{k}]": gyro for k in range(3)}
+    (folder / "log.bbl").write_bytes(encode({"time": time, **fields}))
     log = Log()
     log.define(1, "IMU", "QBafH", "TimeUS,I,x,GyrX,n", units="s#-E-", multipliers="F--0-")
     log.define(2, "PARM", "QNf", "TimeUS,Name,Value")

@@ -424,3 +424,17 @@ def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, tr
     moved = np.flatnonzero(np.any(wave.sticks(time) != 0.0, axis=1)) / 100.0
     assert moved[[0, -1]] == pytest.approx([trim, trim + periods * period], abs=0.03)
     assert min(wave.harmonics["lat"]) == 1  # a mean is no oscillation
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_everyday_flying_moves_every_stick_and_is_another_one_for_each_seed(jr700, seed):
+    """At the end it is in the field, where it holds its height."""
+    mission = hs.missions.Everyday(duration=40.0)
+    plan = hs.FlightPlan(mission=mission, pilot=CALM)
+    flight, again = (next(simulate(jr700, plan, seed=seed, jobs=1)) for _ in range(2))
+    (other,) = simulate(jr700, plan, seed=seed + 10, jobs=1)
+    np.testing.assert_array_equal(flight.sticks, again.sticks)
+    assert flight.script.finished
+    assert flight.script.phases != other.script.phases
+    assert np.ptp(flight.sticks, axis=0).min() > 0.04
+    assert np.abs(flight.positions[-1] - [0.0, 0.0, -20.0]).max() < 30.0

@@ -88,14 +88,6 @@ class LinearSystem(Value):
         )
 
     @classmethod
-    def from_control(cls, system: "control.StateSpace") -> "LinearSystem":
-        """Return python-control's StateSpace as a linear system."""
-        a, b, c, d = (np.asarray(getattr(system, name)) for name in "ABCD")
-        inputs, outputs = tuple(system.input_labels), tuple(system.output_labels)
-        period = float(system.dt or 0.0) or None
-        return LinearSystem(a, b, c, d, period, inputs, outputs, tuple(system.state_labels))
-
-    @classmethod
     def of_steps(
         cls,
         step: Callable[[Real, Real], Real],

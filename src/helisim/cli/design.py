@@ -240,13 +240,15 @@ def tune(o: Options) -> int:
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
     ones will, with 95 % intervals; print tones of the gyros and what notches leave of them; write
     gains and notches as parameters. From logs without sweeps: feed-forward and today's loops, by
-    stick steps or AutoTune's tests, and vibration. Without a log: solve for the
+    stick steps or AutoTune's tests, and vibration. From Blackbox logs of Rotorflight: today's loops
+    and better gains by ordinary flying, as text for its command line. Without a log: solve for the
     gyro's settings that give the published models from the sticks (JR700: eq. (8), IN2 of Table 3),
     or the rate command of its parameters; print the loops' margins.
 
     Options:
-        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID
-        --out FILE <.param .parm =tuned.param>  the new parameters (default: tuned.param)
+        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID; or
+            Blackbox of Rotorflight
+        --out FILE <.param .parm .txt =tuned.param>  the new parameters (default: tuned.param)
         --report FILE <.html>  page on the flight, .html
         --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
         --tail-ratio X <float>  turns of the tail rotor for one of it (default: by the tones)
@@ -289,22 +291,28 @@ def tune(o: Options) -> int:
 
 def tune_logs(o: Options) -> int:
     """Print today's figures and better gains of logs, and write what options ask for."""
+    from helisim.logs.blackbox import is_blackbox
     from helisim.show import tables
     from helisim.show.report import write_flight_report
     from helisim.show.table import as_text, filled
     from helisim.study.log_tune import tune_log
+    from helisim.study.rotorflight_tune import tune_blackbox
 
-    with progress(4, o.quiet) as advance:
-        found = tune_log(
-            o.logs, rotor_hz=o.rpm and o.rpm / 60.0, tail=o.tail_ratio, on_step=advance
-        )
+    blackbox = all(map(is_blackbox, o.logs))
+    with progress(3 if blackbox else 4, o.quiet) as advance:
+        if blackbox:
+            found = tune_blackbox(o.logs, on_step=advance)
+        else:
+            rotor_hz = o.rpm and o.rpm / 60.0
+            found = tune_log(o.logs, rotor_hz=rotor_hz, tail=o.tail_ratio, on_step=advance)
     for one in found.axes:
         print(f"{as_text(tables.tuning(one))}\n")
         if one.why:
             print(f"{filled(f'no new gains: {one.why}')}\n")
     if found.changes:
         print(as_text(tables.changes(found.changes)))
-    print(as_text(tables.vibration(found.vibration, found.crossovers)))
+    if found.vibration is not None:
+        print(as_text(tables.vibration(found.vibration, found.crossovers)))
     for remark in found.remarks:
         print(filled(remark, "- "))
     write_data(o, found.to_dict())
@@ -313,5 +321,6 @@ def tune_logs(o: Options) -> int:
     if not found.parameters.settings:
         return 1
     found.parameters.write(o.out)
-    print_written(o, f"{o.out}: load it by a ground station, and fly a sweep again")
+    use = "paste it into the command line" if blackbox else "load it by a ground station"
+    print_written(o, f"{o.out}: {use}, and fly again")
     return 0

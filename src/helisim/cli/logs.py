@@ -52,13 +52,13 @@ def read_logs(
     from helisim.records.record import ATTITUDES, IN2
 
     given = given_columns(options)
-    channels: Any = given if given.channels or options.names else None
+    channels: Any = given if given.channels or options.names or options.log else None
     if wanted is not None:
         # angles tell wrong rates, and sticks are outside the loop
         beside = [name for name in (*ATTITUDES, *IN2) if name in given.channels]
         own = {name: given.channels.get(name, Column(name)) for name in (*wanted, *beside)}
         said = options.map is not None or options.channel or options.names
-        channels = replace(given, channels=own) if said else tuple(wanted)
+        channels = replace(given, channels=own) if said else given if options.log else tuple(wanted)
     return read_logs(
         options.logs,
         channels=channels,
@@ -115,8 +115,15 @@ def given_columns(options: Options) -> "Map":
     if options.time is not None:
         column, _, unit = options.time.partition(":")
         given = replace(given, time=Clock(column, unit or None))
-    if options.names:
-        given = replace(given, file=replace(given.file, names=options.names))
+    if options.names or options.log:
+        given = replace(
+            given,
+            file=replace(
+                given.file,
+                names=options.names or given.file.names,
+                log=options.log or given.file.log,
+            ),
+        )
     with placed("--channel"):
         return given.with_channels(dict(map(named_column, options.channel)))
 

@@ -110,7 +110,8 @@ def report(o: Options) -> int:
     a log FLIGHT.bin what helisim tune finds, as FLIGHT.html with FLIGHT.param beside it.
 
     Options:
-        source FILE|DIR  folder of a run, or log of ArduCopter-heli with SystemID sweeps, .bin
+        source FILE|DIR  folder of a run, or log of ArduCopter-heli, .bin, or of
+            Rotorflight
         @quiet
 
     examples:

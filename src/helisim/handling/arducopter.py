@@ -7,7 +7,7 @@ HarmonicNotchFilter, and ArduCopter/mode_systemid.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -205,9 +205,7 @@ class ArduCopterLaw(Checked, Value):
 
     def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the response with the gyro's filter, (3, 9, n_freq), at (n_freq,) rad/s."""
-        whole = self.ticked.response(frequency)[:, : len(self.inputs)].copy()
-        whole[:, : len(RATES)] *= self.gyro(frequency)
-        return whole
+        return _response(self, np.asarray(frequency, np.float64).tobytes())
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the response of the gyro's filters, (n_freq,), at frequencies, (n_freq,) rad/s."""
@@ -267,6 +265,16 @@ class ArduCopterLaw(Checked, Value):
         """Rotations about the body's axes over changes of roll, pitch and heading, (3, 3)."""
         (sp, cp), (st, ct) = ((math.sin(one), math.cos(one)) for one in self.lean)
         return np.array([[1.0, 0.0, -st], [0.0, cp, sp * ct], [0.0, -sp, cp * ct]])
+
+
+@lru_cache(maxsize=16)  # hundreds of draws of a plant close their loops by one law
+def _response(law: ArduCopterLaw, frequency: bytes) -> NDArray[np.complex128]:
+    """Return the response, read-only, at frequencies given by their bytes."""
+    omega = np.frombuffer(frequency)
+    whole = law.ticked.response(omega)[:, : len(law.inputs)].copy()
+    whole[:, : len(RATES)] *= law.gyro(omega)
+    whole.setflags(write=False)
+    return whole
 
 
 def _share(corner: float, period: Each) -> Real:

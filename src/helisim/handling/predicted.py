@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.linear import Linear
-from helisim.handling.arducopter import ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.handling.loop import Curve, axis_of
@@ -49,6 +48,15 @@ class FlownPlant:
         return found
 
 
+class Ticking(Linear, Protocol):
+    """A linear law at ticks that are a `period` apart, s."""
+
+    @property
+    def period(self) -> float:
+        """Of its ticks, s."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class PredictedLoop(ClosedLoop):
     """The loop of an identified model, and as `draws` those of models as likely, by the same law.
@@ -59,27 +67,32 @@ class PredictedLoop(ClosedLoop):
     draws: tuple[ClosedLoop, ...] = ()
 
     @classmethod
-    def of(cls, plants: Sequence[Linear], law: ArduCopterLaw) -> Self:
+    def of(cls, plants: Sequence[Linear], law: Ticking) -> Self:
         """Return the loop of the first plant, the likeliest, and of all others as draws."""
         grid = np.geomspace(_LOWEST, np.pi / law.period, _POINTS)
         first, *others = (ClosedLoop(plant, law, grid) for plant in plants)
         return cls(first.plant, law, grid, tuple(others))
 
     def figures(self, axis: str) -> dict[str, Interval]:
-        """Return an axis's figures with their 95 % intervals, cut at the command."""
+        """Return an axis's figures with their 95 % intervals, cut at the command.
+
+        DRB of the attitude alone is one only of a law that senses the attitude.
+        """
         attitude = axis_of(axis).name != "ped"  # the yaw stick asks for a rate
 
         def told(one: ClosedLoop) -> dict[str, float]:
             cut, left = margins(one.broken(axis)), rejection(one.disturbance(axis))
             quick = bandwidth(one.command(axis))
-            return {
+            found = {
                 "crossover": cut.crossover,
                 "phase_margin": float(np.degrees(cut.least_phase)),
                 "gain_margin": cut.least_gain,
                 "DRB": left.bandwidth,
                 "DRP": left.peak,
-                ATTITUDE_DRB: rejection(one.disturbance(axis, "attitude")).bandwidth,
                 "bandwidth": quick.phase if attitude else quick.rate,
             }
+            if axis_of(axis).angle in self.law.inputs:
+                found[ATTITUDE_DRB] = rejection(one.disturbance(axis, "attitude")).bandwidth
+            return found
 
         return intervals(self, told)

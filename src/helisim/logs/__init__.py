@@ -1,6 +1,7 @@
-"""Flight logs by any program as flight records: CSV, Parquet, ULog, ArduPilot DataFlash."""
+"""Flight logs by any program as flight records: CSV, Parquet, ULog, DataFlash, Blackbox."""
 
 from helisim.base.units import UNITS
+from helisim.logs.blackbox import Blackbox, read_dump
 from helisim.logs.dataflash import DataFlash
 from helisim.logs.mapping import REPAIRS, Clock, Column, Layout, Map
 from helisim.logs.read import read_log, read_logs, screen
@@ -9,6 +10,7 @@ from helisim.logs.report import Log, LogFinding, LogReport
 __all__ = [
     "REPAIRS",
     "UNITS",
+    "Blackbox",
     "Clock",
     "Column",
     "DataFlash",
@@ -17,6 +19,7 @@ __all__ = [
     "LogFinding",
     "LogReport",
     "Map",
+    "read_dump",
     "read_log",
     "read_logs",
     "screen",

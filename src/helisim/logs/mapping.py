@@ -78,8 +78,12 @@ class Column:
             si, factor = "1", 1.0 / self.range
         else:
             si, factor = unit(name).si, unit(name).factor
-        if standard is not None and standard.kind in ("IN1", "IN2") and si == "rad":
-            si = "1"  # a deflection: 1 is a radian
+        if standard is not None and (
+            (standard.kind, si) in (("IN1", "rad"), ("IN2", "rad"), ("IN2", "rad/s"))
+        ):
+            si = (
+                "1"  # a deflection, or a rate that a stick asks for: 1 is a radian, or one a second
+            )
         if standard is not None:
             check_same(channel, standard.unit, name, si)
         return standard or Channel(channel, si, "OTHER", self.meaning), self.sign * factor
@@ -124,13 +128,15 @@ class Clock:
 class Layout:
     """How a CSV is written, `delimiter` found by default; `skip` is rows below the header.
 
-    `names` are the columns' of a file without a header, in order, also of a bare matrix.
+    `names` are the columns' of a file without a header, in order, also of a bare matrix; `log` is
+    which of several Blackbox logs in a file is read, from 1, by default the largest.
     """
 
     delimiter: str | None = None
     names: tuple[str, ...] = ()
     decimal: str = setting(".", choices=(".", ","))
     skip: int = setting(0, low=0)
+    log: int | None = setting(None, low=1)
 
     def __post_init__(self) -> None:
         check(self)

@@ -14,6 +14,7 @@ from helisim.base.files import first_bytes, read_bytes
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
 from helisim.base.units import unit
+from helisim.logs.blackbox import is_blackbox, open_blackbox
 from helisim.logs.dataflash import is_dataflash, open_dataflash
 from helisim.logs.mapping import (
     LOOK,
@@ -64,9 +65,10 @@ def read_log(
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
-    """Read a flight log: a helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2 or DataFlash.
+    """Read a log: helisim record, CSV, Parquet, .npy, .mat, ULog, sdlog2, DataFlash, Blackbox.
 
-    `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such;
+    `channels` is channel -> column, or columns that state units ("p [deg/s]"), by default all such,
+    and of Blackbox the channels that its fields are;
     `time` names the column of times if they don't. `resample_hz` is the records' rate: by default a
     clock with small jitter gets its own, several clocks the slowest one's, others stay as they are.
     `repair` is of `REPAIRS`. `max_gap`, s, is the longest step that is no gap, by default 4.5
@@ -90,8 +92,8 @@ def read_as(
         names = None if channels is None else tuple(map_.channels)
         return _from_record(path, read_record(path), content, options, names)
     source = _open(path, map_, content)
-    if not map_.channels:
-        map_ = map_.with_channels(_stated(source))
+    if not map_.channels or (source.channels and not isinstance(channels, Map | Mapping)):
+        map_ = map_.with_channels(source.channels or _stated(source))
     return from_source(source, map_, content, options)
 
 
@@ -170,6 +172,8 @@ def is_ours(path: Path) -> bool:
 def _open(path: Path, map_: Map, content: str) -> Source:
     if first_bytes(path, len(ULOG_MAGIC)) == ULOG_MAGIC:
         return open_ulog(path, content)
+    if is_blackbox(path):
+        return open_blackbox(path, content, map_.file.log).source
     if is_dataflash(path):
         return open_dataflash(path, content).source
     data = read_bytes(path)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from hashlib import blake2b
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from helisim.base.errors import InputError, RecordError, StorageError
 from helisim.base.files import file_size, pieces
 from helisim.base.text import shown
 from helisim.base.units import is_unit
-from helisim.logs.mapping import Clock, split_heading
+from helisim.logs.mapping import Clock, Column, split_heading
 from helisim.logs.report import Findings, LogFinding
 
 
@@ -46,6 +47,8 @@ class Source(ABC):
 
     format = ""
     counts = "row"
+    channels: Mapping[str, Column] = MappingProxyType({})
+    """Channel -> column, where a format says all by its names."""
 
     def __init__(
         self, path: Path, names: Sequence[str], findings: Sequence[LogFinding] = ()
@@ -114,11 +117,14 @@ class Topics(Source):
         first: float,
         units: Mapping[str, str],
         findings: Sequence[LogFinding],
+        channels: Mapping[str, Column] = MappingProxyType({}),
     ) -> None:
         super().__init__(path, tuple(topics), findings)
         if not topics:
             raise StorageError(f"{path}: no messages with numbers in it")
-        self.format, self._topics, self._units = format, dict(topics), dict(units)
+        self.format, self._topics, self._units, self.channels = (
+            format, dict(topics), dict(units), channels,
+        )  # fmt: skip
         self._read, self._clock, self._first = read, clock, first
 
     def with_column(self, name: str, of: str, made: Callable[[NDArray], NDArray]) -> "Topics":

@@ -206,7 +206,7 @@ class TextLog(TimeTable):
             line = text.count("\n", 0, text.index("\0")) + 1
             raise StorageError(
                 f"{self.path}, line {line}: holds a zero byte: a binary file that is no ULog, "
-                "DataFlash or Parquet, or UTF-16 without its mark"
+                "DataFlash, Blackbox or Parquet, or UTF-16 without its mark"
             )
         return text
 

@@ -18,7 +18,11 @@ from helisim.logs.timing import steadiness
 from helisim.records.record import ACCELERATIONS, ATTITUDES, CHANNELS, IN1, IN2, POSITIONS, RATES
 
 CONTROLS = (*IN1, *IN2)
-AS_RECORDED, GIVEN = "as recorded", "given"  # why a channel is what it is
+AS_RECORDED, GIVEN, FIRMWARE = (
+    "as recorded",
+    "given",
+    "the firmware's name for it",
+)  # why a channel is what it is
 _PERCENT = 105.0
 _FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
 _GRAVITIES = {"m/s^2": 9.80665, "g": 1.0, "mg": 1000.0, "ft/s^2": 32.174}
@@ -73,6 +77,7 @@ _NAMES = {
         ("LPOS.{}", "X Y Z", POSITIONS, "m", "+++"),
         ("ATTC.{}", "Roll Pitch Yaw Thrust", _INPUTS, "1", "++++"),
     ),
+    "Blackbox": (),  # which says all itself
 }  # Columns of PX4 and ArduPilot logs; the best of a channel first
 _PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot", "sdlog2": "PX4"}
 _EXACT = {
@@ -274,14 +279,20 @@ def guess(
     """Return the channels that a log seems to have; `given` ones as the user named them."""
     seen: dict[str, SeenChannel] = {}
     ranks: dict[str, int] = {}
-    for name, column in given.items():
+    for name, column in {**source.channels, **given}.items():
         try:
             heading = find_column(column.column, source.names, "column")
             known = _known(source, heading)
         except HelisimError:
             continue  # reading reports it
         column = replace(column, column=heading, unit=column.unit or source.stated_unit(heading))
-        seen[name] = SeenChannel.of(name, column, GIVEN, clocks.get(source.clock(heading)), known)
+        seen[name] = SeenChannel.of(
+            name,
+            column,
+            GIVEN if name in given else FIRMWARE,
+            clocks.get(source.clock(heading)),
+            known,
+        )
     given_ones, taken = tuple(seen), {one.column.column for one in seen.values()}
     for heading in (name for name in source.names if name not in taken):
         meant, clock = named(heading, source.format), clocks.get(source.clock(heading))

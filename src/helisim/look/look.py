@@ -38,7 +38,7 @@ _STRUCTURES = (
 _WORD = re.compile("[a-z]+")
 _HELICOPTER = {
     *("swash", "cyclic", "collective", "coll", "col", "pedal", "pedals", "ped", "lateral"),
-    *("longitudinal", "lat", "lon", "dlat", "dlon", "dped", "dcol"),
+    *("longitudinal", "lat", "lon", "dlat", "dlon", "dped", "dcol", "mixer"),
 }  # words of controls that others than helicopters don't have
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
 _FLOWN, _FLOWN_TO = 90.0, 30.0  # s and rad/s of the sweep to fly where a log shows nothing

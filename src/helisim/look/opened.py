@@ -22,7 +22,7 @@ from helisim.records.record import FlightRecord
 
 SHORT = 0.3  # of the longest part of a log: shorter parts are left out
 _ATTEMPTS = 4  # readings, each with the options that the last one asked for
-_FASTEST = 200.0  # Hz, at which channels of several clocks are looked at, at most
+_FASTEST = 200.0  # Hz, at which channels are looked at, at most
 _SHOWN = 8  # unused columns that are printed
 _BEST = 4  # responses to a control that are printed
 _QUIET = ("spikes", "frozen", "lost samples", "event")  # findings that are only noted
@@ -115,7 +115,11 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     if not moving or not clocks:
         return replace(found, findings=(*findings, *findings.refused))
     wanted = replace(map_, channels={name: one.column for name, one in moving.items()})
-    fastest = min(max(one.rate for one in shown), _FASTEST) if len(used) > 1 else None
+    fastest = (
+        min(max(one.rate for one in shown), _FASTEST)
+        if len(used) > 1 or any(one.rate > _FASTEST for one in shown)
+        else None
+    )
     records, said, taken = _read(path, wanted, options, fastest)
     return replace(
         found,
@@ -137,7 +141,11 @@ def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> Lo
 def _written(map_: Map) -> tuple[Option, ...]:
     """Return the options which say how a file is written."""
     time, names = map_.time or Clock(rate=1.0), ",".join(map_.file.names)
-    said = {"names": names, "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":")}
+    said = {
+        "names": names,
+        "log": str(map_.file.log or ""),
+        "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":"),
+    }
     return tuple(Option(name, value) for name, value in said.items() if value)
 
 

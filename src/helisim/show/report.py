@@ -129,16 +129,15 @@ def write_flight_report(path: str | Path, found: LogTuning) -> Path:
         page.block(tables.fitted(fit)) + paragraph(f"{fit.verdict}.") for fit in found.fits
     )
     gains = page.table(tables.changes(found.changes)) if found.changes else ""
-    tones = tables.vibration(found.vibration, found.crossovers)
+    vibration = ""
+    if found.vibration is not None:
+        tones = tables.vibration(found.vibration, found.crossovers)
+        vibration = page.table(tones) or page.bullets(text for _, text in tones.notes)
     sections = [
         ("gains", "New gains", gains),
         ("figures", "Margins, rejection and bandwidth, with 95 % intervals", told),
         ("loops", "Broken loops, as flown, and predicted with new gains", page.figures(loops)),
-        (
-            "vibration",
-            "Vibration",
-            page.table(tones) or page.bullets(text for _, text in tones.notes),
-        ),
+        ("vibration", "Vibration", vibration),
         ("remarks", "What is to be known of them", page.bullets(found.remarks)),
         ("models", "Models", models),
         ("modes", "Flight modes", page.table(table("", "from [s]|mode<", flown))),

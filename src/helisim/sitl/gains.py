@@ -35,7 +35,7 @@ _BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
 _P = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(1.2, 3.0, 10)])  # In that unit
 _D = np.array([0.0, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
-_ANGLE = np.linspace(1.0, 12.0, 23)  # 1/s, as far as ArduPilot's own range goes
+HELD = np.linspace(1.0, 12.0, 23)  # 1/s, of the attitude, as far as ArduPilot's own range goes
 _CLOSER = ((0.85, 0.95, 1.0, 1.05, 1.15), (0.97, 1.0, 1.03))
 """Factors of the best gains that are tried after the grid, and after those."""
 _CORNER = 0.5  # rad/s, of the integral
@@ -212,12 +212,14 @@ class _Known(NamedTuple):
 
 def search(
     plants: Sequence[Linear],
-    law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
+    law: Callable[[Mapping[str, Gains]], Linear],
     required: Mapping[str, Required],
+    held: Real = HELD,
 ) -> dict[str, Gains]:
     """Return the gains of each axis that reject most within what is required of every plant.
 
-    The first plant is the likeliest, by which gains are ranked; `law` is that of gains by axis.
+    The first plant is the likeliest, by which gains are ranked; `law` is that of gains by axis, and
+    `held` are gains of the attitude that are tried, 1/s.
     Raises NoGains.
     """
     known = [_Known.of(one) for one in plants]
@@ -225,17 +227,18 @@ def search(
     found = {axis: Gains(0.0, _CORNER * ff, 0.0, ff, _FIRST) for axis, ff in ahead.items()}
     for closer in ((), *_CLOSER):
         for axis, needed in required.items():
-            found[axis] = _best(known, law, axis, found, closer, needed)
+            found[axis] = _best(known, law, axis, found, closer, needed, held)
     return found
 
 
 def _best(
     plants: Sequence[_Known],
-    law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
+    law: Callable[[Mapping[str, Gains]], Linear],
     axis: str,
     now: Mapping[str, Gains],
     closer: Sequence[float],
     required: Required,
+    held: Real,
 ) -> Gains:
     """Return the best gains of one axis of a grid, or by factors `closer` to those of now."""
     units = [
@@ -244,7 +247,7 @@ def _best(
     ]
     own = responses(plants[0], _BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
     unit = 1.0 / float(np.interp(_TELLS, _BAND, np.abs(own)))
-    grid = np.array(np.meshgrid(_P * unit, _D, _ANGLE)).reshape(3, -1)
+    grid = np.array(np.meshgrid(_P * unit, _D, held)).reshape(3, -1)
     grid[1] *= grid[0]
     p, _, d, ff, angle = now[axis]
 
@@ -254,7 +257,7 @@ def _best(
 
     cuts = [_Cut.of(plant, units, axis, gains_of(grid[:, ::_SOME])) for plant in plants]
     near = np.array(np.meshgrid(*np.outer((p, d, angle), closer))).reshape(3, -1)
-    near[2] = np.minimum(near[2], _ANGLE[-1])
+    near[2] = np.minimum(near[2], held[-1])
     for tried in (near, grid):
         gains = gains_of(tried)
         best = _first(cuts, gains, unit, required)
@@ -389,7 +392,7 @@ class _Cut(NamedTuple):
             )
             sensed = one.inputs.index(axis_of(axis).rate or "")
             rows.append((by_rate, both - by_rate, one.responses[one.outputs.index(axis), sensed]))
-        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size))
+        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size, complex))
         found = found._replace(beside=found.closed(some[:, :1]).loop[0])
         return found._replace(least=float(found.closed(some).growing().min()))
 

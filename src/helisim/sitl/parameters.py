@@ -57,11 +57,12 @@ class Setting:
 
 @dataclass(frozen=True)
 class AutopilotParameters(Checked):
-    """Settings of an autopilot by heading, and remarks on what they lack."""
+    """Settings of an autopilot by heading, remarks on what they lack, and a line's form."""
 
     title: str
     groups: Mapping[str, tuple[Setting, ...]] = field(repr=False)
     remarks: tuple[str, ...] = field(default=(), repr=False)
+    form: str = field(default="{} {}", repr=False)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -82,7 +83,7 @@ class AutopilotParameters(Checked):
             lines += ["#", f"# ---- {heading}"]
             for one in some:
                 lines += _comment(one.why) if one.why else []
-                lines.append(f"{one.name} {_number(one.value)}")
+                lines.append(self.form.format(one.name, _number(one.value)))
         return "\n".join([*lines, ""])
 
     def write(self, path: str | PathLike[str]) -> None:

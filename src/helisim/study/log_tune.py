@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import Value, to_plain
@@ -30,19 +32,19 @@ from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
 from helisim.records.record import ATTITUDES, RATES, one_blas_thread
-from helisim.sitl.gains import STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
+from helisim.sitl.gains import HELD, STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
 from helisim.sitl.parameters import AutopilotParameters, Setting
 from helisim.sitl.pilot import MODES
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
-_DRAWS = 200  # models that fit as well as the identified one, of which intervals are made
+DRAWS = 200  # models that fit as well as the identified one, of which intervals are made
 _SEARCHED = 40  # of them, that every tried gain must satisfy
 _TRIES = 4  # searches, each with more margin where the last one's intervals had too little
 _BEYOND = 1.1  # by which a search asks for more than its last one lacked
 _NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
 _WORTH = 1.03  # ratio of 1 / DRB, of both kinds, below which today's gains stay
-_LOUDER = 1.5  # most noise of the command, of that of today's gains
+LOUDER = 1.5  # most noise of the command, of that of today's gains
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -127,22 +129,23 @@ class LogTuning(Value):
 
     The candidate's gains are for the gyro's notches that `vibration` proposes. `told` is what the
     log says of its sweeps, `modes` its flight modes: s after its first stamp, and name; `fits` are
-    the models.
+    the models, `form` is a line of the parameters' file.
     """
 
     logs: tuple[str, ...]
-    vibration: Vibration
+    vibration: Vibration | None
     axes: tuple[AxisTuning, ...] = ()
     remarks: tuple[str, ...] = ()
     told: str = field(default="", repr=False)
     modes: tuple[tuple[float, str], ...] = field(default=(), repr=False)
     fits: tuple[Fit, ...] = field(default=(), repr=False)
+    form: str = field(default="{} {}", repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         axes = [one.to_dict() for one in self.axes]
         found = {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)}
-        return found | {"vibration": self.vibration.to_dict()}
+        return found | ({"vibration": self.vibration.to_dict()} if self.vibration else {})
 
     @property
     def crossovers(self) -> dict[str, float]:
@@ -165,12 +168,14 @@ class LogTuning(Value):
             for one in self.axes
             if one.changes
         }
-        if rows := self.vibration.settings:
+        if self.vibration and (rows := self.vibration.settings):
             groups["notches of the gyro"] = tuple(
                 Setting(name, value, _NOTCH[name.split("_")[-1]]) for name, value in rows.items()
             )
         return AutopilotParameters(
-            f"gains and notches from {', '.join(Path(one).name for one in self.logs)}", groups
+            f"gains and notches from {', '.join(Path(one).name for one in self.logs)}",
+            groups,
+            form=self.form,
         )
 
 
@@ -218,7 +223,7 @@ def tune_log(
     axes = tuned_axes(plant)
     shown = _shown(paths, remarks)
     on_step("candidates")
-    models = [plant, *plant.draws(_DRAWS, seed=seed)]
+    models = [plant, *plant.draws(DRAWS, seed=seed)]
     known = [one for one in axes if shown and one in {cut.axis for cut in shown.used}]
     plants = _put_right(models, law, shown, known) if shown else models
     today = PredictedLoop.of(plants, law)
@@ -236,15 +241,15 @@ def tune_log(
         return replace(changed, notches=heard.laws[1].notches)
 
     before = {axis: today.figures(axis) for axis in axes}
-    noise = {axis: _noise(plants[0], law, axis) for axis in axes}
+    noise = {axis: noise_of(plants[0], law, axis) for axis in axes}
     kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
     stays = {
         axis: kept.figures(axis) if heard.settings else before[axis]
         for axis in axes
         if axis not in wrong
     }
-    asked = {axis: required._replace(noise=_LOUDER * noise[axis]) for axis in stays}
-    gains, tuned, none = _searched(plants, with_gains, stays, asked)
+    asked = {axis: required._replace(noise=LOUDER * noise[axis]) for axis in stays}
+    gains, tuned, none = searched(plants, with_gains, stays, asked)
     none |= wrong
     better = with_gains(gains)
     new, found = PredictedLoop.of(plants[:1], better), []
@@ -254,7 +259,7 @@ def tune_log(
         loops = {"flown" if flown else "today": flew.broken(axis)}
         one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
         if axis in gains:
-            louder = _noise(plants[0], better, axis) / noise[axis]
+            louder = noise_of(plants[0], better, axis) / noise[axis]
             remarks += _unseen(new, plants[0], axis)
             one = replace(
                 one,
@@ -317,7 +322,7 @@ def _by_sticks(
     law, own = flown_law(logs[0], found.start), logs[0].parameters(at=found.start)
     # the log's rates are behind the gyro's filter, which is in the law
     plant = replace(found, rates=found.rates / law.gyro(found.frequency))
-    models = [plant, *plant.draws(_DRAWS, seed=seed)]
+    models = [plant, *plant.draws(DRAWS, seed=seed)]
     remarks, axes = [*law.remarks, _SWEEPS], list[AxisTuning]()
     for axis in tuned_axes(plant):
         figures = _coherent(models, law, axis)
@@ -381,7 +386,7 @@ def _fed(
 def _shown(paths: Sequence[str], remarks: list[str]) -> MeasuredLoop | None:
     """Return the loops that sweeps of the mixer cut, None if none did, and extend the remarks."""
     try:
-        found = flown_loops(paths).margins(draws=_DRAWS)
+        found = flown_loops(paths).margins(draws=DRAWS)
     except (LogError, IdentificationError) as error:
         remarks.append(f"no loop is known as flown, so models alone tell the figures: {error}")
         return None
@@ -406,7 +411,7 @@ def _put_right(
     return plants
 
 
-def _noise(plant: Linear, law: ArduCopterLaw, axis: str) -> float:
+def noise_of(plant: Linear, law: Linear, axis: str) -> float:
     """Return the rms of an axis's command over that of white noise of its gyro."""
     moved = ClosedLoop(plant, law, _NOISY).reached("rate", axis)[axis]
     return math.sqrt(float(np.mean(np.abs(moved.response) ** 2)))
@@ -432,27 +437,37 @@ def _named(axis: str, gains: Gains) -> dict[str, float]:
     return {f"ATC_ANG_{word}_P": gains.angle, **rates}
 
 
-def _searched(
+def _four_digits(_: str, gains: Gains) -> Gains:
+    return Gains(*(float(f"{one:.4g}") for one in gains))
+
+
+def searched(
     plants: Sequence[Linear],
-    law: Callable[[Mapping[str, Gains]], ArduCopterLaw],
+    law: Callable[[Mapping[str, Gains]], Any],
     stays: Mapping[str, Mapping[str, Interval]],
     required: Mapping[str, Required],
+    *,
+    rounded: Callable[[str, Gains], Gains] = _four_digits,
+    held: Real = HELD,
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
     """Return gains by axis, their figures, and why other axes have none.
 
     All figures are of the returned gains together, axes without keeping today's, whose figures
-    `stays` are. Their intervals hold what is required, and they reject more than today's.
+    `stays` are. Their intervals hold what is required, and they reject more than today's. Gains are
+    `rounded` as the autopilot takes them; `held` as of `search`.
     """
     none: dict[str, str] = {}
     tries, asked = Counter[str](), dict(required)
     while asked:
         try:
-            gains = search(plants[: _SEARCHED + 1], law, asked)
+            gains = search(plants[: _SEARCHED + 1], law, asked, held)
         except NoGains as error:
-            none[error.axis] = _UNKNOWN if tries[error.axis] else str(error)
-            del asked[error.axis]
+            none[error.axis] = str(error)
+            with suppress(NoGains):  # of the likeliest model there are some
+                search(plants[:1], law, {error.axis: asked.pop(error.axis)}, held)
+                none[error.axis] = _UNKNOWN
             continue
-        gains = {axis: Gains(*(float(f"{x:.4g}") for x in one)) for axis, one in gains.items()}
+        gains = {axis: rounded(axis, one) for axis, one in gains.items()}
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
         short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required[axis]))}
@@ -477,7 +492,7 @@ def _searched(
 
 def _error(figures: Mapping[str, Interval]) -> float:
     """Return what disturbances leave, s: the sum of 1 / DRB of both kinds."""
-    return sum(1.0 / figures[name].value for name in ("DRB", ATTITUDE_DRB))
+    return sum(1.0 / figures[name].value for name in ("DRB", ATTITUDE_DRB) if name in figures)
 
 
 def lacks(figures: Mapping[str, Interval], required: Required) -> Required:

@@ -203,8 +203,9 @@ def entry_of(name: str, item: Any) -> PhysicalParameter:
     Sections that the glossary doesn't have are allowed.
     """
     known, (section, _, key) = term(name), name.partition(".")
-    keys = [one.split(".")[1] for one in glossary() if one.startswith(f"{section}.")]
-    if keys and not known:
+    if not known and (
+        keys := [one.split(".")[1] for one in glossary() if one.startswith(f"{section}.")]
+    ):
         raise UnknownNameError(f"parameter of [{section}]", key, keys)
     if not isinstance(item, Mapping) or not {"value", "unit", "source"} <= set(item):
         unit = known.unit if known else "1"

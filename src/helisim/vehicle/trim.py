@@ -1,7 +1,8 @@
 """The steady flight of a vehicle, and its motion in the field's axes to and from MuJoCo's."""
 
 import copy
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -39,9 +40,12 @@ class Motion:
     down: float = 0.0
 
 
+@lru_cache(maxsize=4)  # what writes a motion and what reads its rates ask for the same
 def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]:
-    """Return the (3, 3) rotation from body (FRD) to earth (NED) axes."""
-    return Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()
+    """Return the (3, 3) rotation from body (FRD) to earth (NED) axes, read-only."""
+    found = Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()
+    found.setflags(write=False)
+    return found
 
 
 FLIPS = np.outer(flip(1.0, 1.0, 1.0), flip(1.0, 1.0, 1.0))
@@ -69,7 +73,7 @@ def read_motion(data: mujoco.MjData) -> Motion:
 
 def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
     """Return the time derivative of each field of `Motion`, (12,), after mj_forward."""
-    u, v, w, p, q, r, phi, theta, psi, *_ = astuple(motion)
+    u, v, w, p, q, r, phi, theta, psi, *_ = vars(motion).values()
     earth = rotation_matrix(phi, theta, psi)
     velocity, rates = np.array([u, v, w]), np.array([p, q, r])
     acceleration = earth.T @ flip(*data.qacc[:3]) - np.cross(rates, velocity)

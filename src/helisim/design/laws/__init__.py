@@ -14,4 +14,9 @@ from helisim.design.laws.rate_command import CollectiveAxis as CollectiveAxis
 from helisim.design.laws.rate_command import RateAxis as RateAxis
 from helisim.design.laws.rate_command import RateCommand as RateCommand
 from helisim.design.laws.rate_command import YawRateAxis as YawRateAxis
+from helisim.design.laws.rotorflight import CollectiveRotorflight as CollectiveRotorflight
+from helisim.design.laws.rotorflight import CyclicRotorflight as CyclicRotorflight
+from helisim.design.laws.rotorflight import Notch as Notch
+from helisim.design.laws.rotorflight import Rotorflight as Rotorflight
+from helisim.design.laws.rotorflight import YawRotorflight as YawRotorflight
 from helisim.design.laws.state_space import StateSpaceLaw as StateSpaceLaw

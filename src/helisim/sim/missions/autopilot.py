@@ -14,6 +14,7 @@ import numpy as np
 
 from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
+from helisim.records.record import AXES
 from helisim.sim.gains import on_law
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import root_body
@@ -72,6 +73,7 @@ class Wanted:
         tilt: rad, of roll and pitch at most.
         cyclic: whether attitude and heading are held, as they must not be on the ground.
         rotor: commanded rotor speed over the nominal one; 0 cuts a motor's throttle.
+        pushed: what is added to the sticks COL, LON, LAT, PED, unitised.
     """
 
     north: float = 0.0
@@ -90,6 +92,7 @@ class Wanted:
     tilt: float = _TILT
     cyclic: bool = True
     rotor: float = 1.0
+    pushed: tuple[float, ...] = (0.0,) * len(AXES)
 
     def go(self, course: tuple[float, float], speed: float, acceleration: float) -> None:
         """Want a speed, m/s, and an acceleration, m/s^2, north and east along a unit course."""
@@ -275,10 +278,12 @@ class Autopilot:
         wanted: what the outer loops are to reach.
         phases: times, s, and what the script said then.
         moved: the sticks COL, LON, LAT, PED at the last tick, unitised.
+        rng: random numbers, of the flight's seed.
     """
 
-    def __init__(self, loop: OuterLoop, seen: Sight, seconds: float) -> None:
+    def __init__(self, loop: OuterLoop, seen: Sight, seconds: float, seed: int = 0) -> None:
         self.loop, self.seconds, self.seen, now = loop, seconds, seen, seen.motion
+        self.rng = np.random.default_rng(seed)
         self.wanted = Wanted(now.north, now.east, now.down, seen.north_rate, seen.east_rate)
         self.wanted.heading = now.psi
         self.phases: list[tuple[float, str]] = []
@@ -295,7 +300,9 @@ class Autopilot:
 
     def sticks(self, seen: Sight) -> tuple[float, ...]:
         """Return COL, LON, LAT, PED for what is seen now, unitised."""
-        self.moved = self.loop.sticks(seen, self.wanted, self.seconds)
+        sticks = self.loop.sticks(seen, self.wanted, self.seconds)
+        added = zip(sticks, self.wanted.pushed)
+        self.moved = tuple(_limited(stick + push, _END) for stick, push in added)
         return self.moved
 
     def hold(self, seconds: float) -> Iterator[None]:
@@ -308,6 +315,18 @@ class Autopilot:
             wanted.east += self.seconds * wanted.east_rate
             wanted.heading += self.seconds * wanted.turning
             yield
+
+    def push(self, axis: str, by: float, seconds: float) -> Iterator[None]:
+        """Push a stick, "col", "lon", "lat" or "ped", unitised, for some seconds, then let go.
+
+        After a push of the pedals it holds the heading that it then has.
+        """
+        self.wanted.pushed = tuple(by if one == axis else 0.0 for one in AXES)
+        for _ in self.hold(seconds):
+            if axis == "ped":
+                self.wanted.heading = self.seen.motion.psi
+            yield
+        self.wanted.pushed = (0.0,) * len(AXES)
 
     def climb(self, height: float, *, rate: float = 1.5) -> Iterator[None]:
         """Climb or sink to a height, m above the ground, at a rate, m/s."""

@@ -149,7 +149,8 @@ class ScriptedPilot:
         ] = 0.0
         data.ctrl[self._where.control + ROTOR] = 1.0
         loop = OuterLoop(vehicle, model, trim, self._where.rotor)
-        self._pilot = Autopilot(loop, self._seen(data), every * model.opt.timestep)
+        seed = int(self._par[PARAM.pilot_seed])
+        self._pilot = Autopilot(loop, self._seen(data), every * model.opt.timestep, seed)
         self._finished, self._ticks = False, self._asked()
 
     @property
@@ -184,7 +185,7 @@ class ScriptedPilot:
                 raise InputError(f"{kind}.fly must yield for each tick of the pilot")
             for _ in script:
                 for name, value in vars(self._pilot.wanted).items():
-                    if value is not None and not math.isfinite(value):
+                    if value is not None and not np.all(np.isfinite(value)):
                         self.failure = Failure(f"wants {name} = {value}", "")
                         return
                 yield False

@@ -1,0 +1,324 @@
+"""Gains of a Rotorflight helicopter from Blackbox logs of ordinary flying: loops today, and better.
+
+What the law does about a steady flight is of each gain by itself, so it is known of all gains by
+that of a few. Its settings and units: design.laws.rotorflight.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+
+import numpy as np
+
+from helisim.base.arrays import Complex, Real
+from helisim.base.errors import IdentificationError, InputError, LogError
+from helisim.base.linear import LinearSystem
+from helisim.design.laws import rotorflight as of
+from helisim.design.plant import Plant
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures import margins
+from helisim.handling.loop import axis_of
+from helisim.handling.predicted import PredictedLoop
+from helisim.ident import Fit, identify, structures
+from helisim.logs.blackbox import Blackbox, open_blackbox
+from helisim.logs.read import read_log
+from helisim.logs.source import file_digest
+from helisim.look.systemid import InferredFit, estimate_fits, followed_band
+from helisim.records.record import ATTITUDES, RATES, FlightRecord, one_blas_thread
+from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
+from helisim.study.log_tune import (
+    DRAWS,
+    LOUDER,
+    AxisTuning,
+    Changed,
+    LogTuning,
+    noise_of,
+    searched,
+)
+
+_AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
+_STICKS = ("LAT", "LON", "PED")
+_BAND = (2.0, 45.0)  # rad/s: above what speed does, to where ordinary flying still moves anything
+_FITS = (
+    ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), ("ped",)),
+    ("yaw_alone", ("ped",), ("r",), ("lat", "lon")),
+)
+_HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
+_TERMS = ("p", "i", "d", "f")
+_WHYS = {
+    "p": "rate held in gusts, until gain margin and noise end it",
+    "i": "attitude held, until phase margin and peak end it",
+    "d": "gives back phase that P and I take, and passes noise on",
+    "f": "the command that holds the rate of the setpoint",
+}
+_FLY = (
+    "fly for two minutes or more in calm air with quick stops and reversals of each stick by "
+    "itself, and log setpoint, mixer, PID, gyro and attitude at 250 Hz or more"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """Rotorflight's law by its gains, commands in rad of blade pitch; it is `Linear`.
+
+    `gains` is axis -> setting -> value, which needn't be whole; others are those of `law`.
+    """
+
+    law: of.Rotorflight
+    period: float
+    gains: Mapping[str, Mapping[str, float]]
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Rates, rad/s, and sticks."""
+        return self._base.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Commands, rad."""
+        return self._base.outputs
+
+    def response(self, frequency: Real) -> Complex:
+        """Return the response, (4, 7, n_freq), at frequencies, (n_freq,) rad/s."""
+        omega = tuple(np.asarray(frequency, np.float64).tolist())
+        found = np.array(_response(self.law, self.period, omega))
+        for axis, settings in self.gains.items():
+            today = getattr(self.law, axis)
+            for name, value in settings.items():
+                by = value - getattr(today, name)
+                if by:
+                    found += by * _slope(self.law, self.period, omega, axis, name)
+        return found
+
+    @cached_property
+    def _base(self) -> LinearSystem:
+        return self.law.linear(self.period)
+
+
+@cache
+def _response(law: of.Rotorflight, period: float, omega: tuple[float, ...]) -> Complex:
+    return law.linear(period).response(np.array(omega))
+
+
+@cache
+def _slope(
+    law: of.Rotorflight, period: float, omega: tuple[float, ...], axis: str, name: str
+) -> Complex:
+    """Return the response's slope over a setting; it is linear in each."""
+    today = getattr(law, axis)
+    least = replace(today, **{name: 1e-6 if name == "i" else 0.0})
+    most = replace(today, **{name: 1000.0})
+    ends = (_response(replace(law, **{axis: one}), period, omega) for one in (least, most))
+    low, high = ends
+    return (high - low) / 1000.0
+
+
+def law_of_log(log: Blackbox) -> of.Rotorflight:
+    """Return the law that flew by a log's header, for commands in rad of blade pitch.
+
+    Without the gyro's filters, behind which the log's gyro is; cutoffs that the header lacks are
+    the firmware's defaults. Raises LogError for another
+    firmware's log, or where the header lacks gains.
+    """
+    header, place = log.header, log.path.name
+    if not log.firmware.startswith("Rotorflight") or "mixer[0]" not in log.columns:
+        raise LogError(
+            f"{place}: gains are told of Rotorflight 4.3 and later, whose log has mixer[0] to "
+            f"mixer[3]; this one is of {log.firmware or 'an unknown firmware'}; its models are "
+            "told by helisim identify"
+        )
+
+    def numbers(name: str, count: int) -> list[float]:
+        try:
+            found = [float(one) for one in header[name].split(",")]
+        except (KeyError, ValueError):
+            found = []
+        if len(found) < count:
+            raise LogError(
+                f"{place}: the header's {name} is {header.get(name, 'missing')!r}, expected "
+                f"{count} numbers"
+            )
+        return found
+
+    axes: dict[str, dict[str, float]] = {}
+    for axis in _AXES.values():
+        gains = dict(zip("pidfb", numbers(f"{axis}PID", 3)))
+        gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
+        axes[axis] = {"range": 1.0, **gains}
+        if f"{axis}BW" in header:
+            axes[axis] |= zip(("gyro_cutoff", "d_cutoff", "b_cutoff"), numbers(f"{axis}BW", 2))
+    if "yaw_stop_gain" in header:
+        axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), numbers("yaw_stop_gain", 2))
+    return of.Rotorflight(
+        roll=of.CyclicRotorflight(**axes["roll"]),
+        pitch=of.CyclicRotorflight(**axes["pitch"]),
+        yaw=of.YawRotorflight(**axes["yaw"]),
+        collective=of.CollectiveRotorflight(range=1.0),
+        gyro_lowpass=0.0,
+    )
+
+
+def command_of(axis: str, name: str) -> float:
+    """Return the command, rad, of one of a gain by 1 rad/s (P, F), 1 rad (I) or 1 rad/s^2 (D)."""
+    pitch = of.TAIL_PITCH if axis == "yaw" else of.CYCLIC_PITCH
+    return math.degrees(of.SCALES[axis][name]) * pitch
+
+
+@one_blas_thread()
+def tune_blackbox(
+    logs: Sequence[str],
+    *,
+    required: Required = STANDARD,
+    seed: int = 1,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> LogTuning:
+    """Return a Rotorflight helicopter's loops and better gains, from Blackbox logs of its flights.
+
+    Models from the mixer's commands to the gyro are identified with the setpoints as reference, so
+    that feedback and gusts don't bias them; gains and filters are the header's. Better gains are as
+    of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
+    """
+    paths = [Path(one) for one in logs]
+    on_step("models")
+    first = open_blackbox(paths[0], file_digest(paths[0]), None)
+    law, remarks = law_of_log(first), list[str]()
+    if "rollBW" not in first.header:
+        remarks.append(
+            "the header lacks the controller's cutoffs (rollBW, of Rotorflight 4.4 and later): the "
+            "firmware's defaults are taken"
+        )
+    records = [record for one in paths for record in read_log(one).records]
+    fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
+    if not fits:
+        return LogTuning(tuple(logs), None, remarks=tuple(remarks))
+    known = Plant(tuple(fits)).outputs
+    still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
+    lines = first.header
+    period = 1e-6 * float(lines["looptime"]) * float(lines.get("pid_process_denom", 1.0))
+    plant = Plant(tuple(fits), period=period, still=still)
+    plants = [plant, *plant.draws(DRAWS, seed=seed)]
+    on_step("loops as flown")
+    axes, today = tuned_axes(plant), Feedback(law, period, {})
+    loop = PredictedLoop.of(plants, today)
+    for axis in axes:
+        turns = margins(loop.broken(axis)).gain
+        nearest, _ = min(turns, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
+        if nearest > _BAND[1]:
+            remarks.append(
+                f"the gain margin of {axis_of(axis).word} lies at {nearest:.0f} rad/s, beyond "
+                f"{_BAND[1]:g} rad/s, to where flights tell the model"
+            )
+    stays = {axis: loop.figures(axis) for axis in axes}
+    on_step("candidates")
+    gains, tuned, none = searched(
+        plants,
+        lambda some: _with(law, period, some),
+        {axis: one for axis, one in stays.items() if axis not in wrong},
+        {
+            axis: required._replace(noise=LOUDER * noise_of(plant, today, axis))
+            for axis in axes
+            if axis not in wrong
+        },
+        rounded=_whole,
+        held=_HELD,
+    )
+    better, found = _with(law, period, gains), []
+    for axis in axes:
+        loops = {"today": ClosedLoop(plant, today).broken(axis)}
+        one = AxisTuning(axis, False, stays[axis], why=(none | wrong).get(axis, ""), loops=loops)
+        if axis in gains:
+            louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
+            changes = _changes(axis, gains[axis], law, plants)
+            loops |= {"predicted": ClosedLoop(plant, better).broken(axis)}
+            one = replace(one, tuned=tuned[axis], noise=louder, changes=changes, loops=loops)
+        found.append(one)
+    return LogTuning(
+        tuple(logs),
+        None,
+        tuple(found),
+        tuple(dict.fromkeys(remarks)),
+        fits=tuple(fits),
+        form="set {} = {}",
+    )
+
+
+def _models(
+    records: Sequence[FlightRecord], remarks: list[str], motor_tail: bool
+) -> tuple[list[Fit], dict[str, str]]:
+    """Return models that flights tell, and why an axis has no gains; extend the remarks."""
+    fits, wrong = list[Fit](), dict[str, str]()
+
+    def moving(*names: str) -> tuple[str, ...]:
+        return tuple(one for one in names if any(np.ptp(record[one]) > 0.0 for record in records))
+
+    for structure, inputs, outputs, others in _FITS:
+        if motor_tail and "ped" in inputs:
+            remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
+            continue
+        wanted = InferredFit(
+            structure, inputs, outputs, moving(*others), moving(*_STICKS), _BAND, ""
+        )
+        words = " and ".join(axis_of(one).word for one in inputs)
+        if len(moving(*(one.upper() for one in inputs))) < len(inputs):
+            remarks.append(
+                f"no model of {words}: a setpoint of it never moves, and feedback alone shows the "
+                f"controller's inverse; {_FLY}"
+            )
+            continue
+        try:
+            (estimate,) = estimate_fits(records, [wanted])
+            own = structures.named(structure)
+            fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
+        except (IdentificationError, InputError) as error:
+            remarks.append(f"no model of {words}: {error}; {_FLY}")
+            continue
+        # lost frames are told by their numbers; whole counts lie on straight lines, too
+        if any(reason.kind != "lost" for reason in fit.verdict.reasons):
+            # figures of a doubtful model are of motion as large as was flown, and not of all
+            wrong |= dict.fromkeys(inputs, f"its model is {fit.verdict}; {_FLY}")
+        fits.append(fit)
+    return fits, wrong
+
+
+def _settings(axis: str, gains: Gains) -> dict[str, float]:
+    """Return P, I and D of the command line, not rounded; I is of P and the rate that it holds."""
+    name = _AXES[axis]
+    given = (gains.p, gains.angle * gains.p, gains.d)
+    return {term: one / command_of(name, term) for term, one in zip("pid", given)}
+
+
+def _with(law: of.Rotorflight, period: float, gains: Mapping[str, Gains]) -> Feedback:
+    return Feedback(law, period, {_AXES[axis]: _settings(axis, one) for axis, one in gains.items()})
+
+
+def _whole(axis: str, gains: Gains) -> Gains:
+    """Return gains as whole settings give them."""
+    name, own = _AXES[axis], _settings(axis, gains)
+    p, i, d = (command_of(name, term) * round(max(own[term], term != "d")) for term in "pid")
+    return Gains(p, 0.0, d, gains.ff, i / p)
+
+
+def _changes(
+    axis: str, gains: Gains, law: of.Rotorflight, plants: Sequence[Plant]
+) -> tuple[Changed, ...]:
+    """Return settings that change, beside the log's own; F where today's is off by its error."""
+    name = _AXES[axis]
+    today, unit = getattr(law, name), command_of(name, "f")
+    settings = {term: round(one) for term, one in _settings(axis, gains).items()}
+    ahead = [holds(plant, axis) / unit for plant in plants]
+    error = 1.96 * float(np.std(ahead[1:]))
+    if 0.0 < ahead[0] < 1000.0 and abs(ahead[0] - today.f) > error:
+        settings["f"] = round(ahead[0])
+    return tuple(
+        Changed(
+            f"{name}_{term}_gain",
+            float(round(getattr(today, term))),
+            float(value),
+            _WHYS[term],
+            error if term == "f" else None,
+        )
+        for term, value in settings.items()
+        if value != round(getattr(today, term))
+    )

@@ -1,0 +1,427 @@
+"""Blackbox logs: every value that was written is read, and what is lost is said."""
+
+import re
+
+import numpy as np
+import pytest
+
+import blackbox_logs as written
+import helisim as hs
+from blackbox_logs import Field, adjusted, encode, event, frame
+from helisim.base.errors import HelisimError, InputError, StorageError, UnknownNameError
+from helisim.cli import main
+from helisim.ident import structures
+from helisim.logs import Blackbox, Column, Layout, Map, read_log
+from helisim.logs.blackbox import is_blackbox, read_dump
+from tabled import tabled
+
+COUNT = 300
+TIME = 5_000_000 + 8000 * np.arange(COUNT)
+OF_4_2 = {"Firmware revision": "Rotorflight 4.2.11 (0) STM32F4"}
+BETAFLIGHT = {"Firmware type": "Cleanflight", "Firmware revision": "Betaflight 4.5.0 (0) STM32F7X2"}
+BETAFLIGHT |= {"pidsum_limit": "500", "pidsum_limit_yaw": "400"}
+
+
+def each(name, count, size=300):
+    """Return columns of random whole numbers that wander, in small steps and large ones."""
+    random = np.random.default_rng([count, *name.encode()])
+    steps = random.integers(-size, size + 1, (COUNT, count)) * (random.random((COUNT, 1)) < 0.3)
+    return {f"{name}[{k}]": one for k, one in enumerate((np.cumsum(steps, axis=0) % 9000 - 4500).T)}
+
+
+def saved(folder, data, name="LOG00001.TXT"):
+    """Return the path of a file."""
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+def check(log, columns, rows=slice(None)):
+    """Hold all fields of a log to the numbers that were written."""
+    for name, values in columns.items():
+        if name != "time":
+            np.testing.assert_array_equal(log.raw(name), np.asarray(values)[rows], err_msg=name)
+
+
+def test_every_field_of_rotorflight_is_read(tmp_path):
+    random, columns = np.random.default_rng(1), {"time": TIME + np.arange(COUNT) % 7}
+    for name, one in written.ROTORFLIGHT.items():
+        if name not in ("time", "loopIteration"):
+            low = -9000 if one.signed else 0
+            steps = random.integers(-1, 2, COUNT) * random.choice([1, 5, 30, 300], COUNT)
+            columns[name] = np.abs(np.cumsum(steps)) % 8000 + low
+    log = Blackbox(saved(tmp_path, encode(columns)))
+    check(log, columns)
+    np.testing.assert_array_equal(np.rint(1e6 * log.time()), columns["time"])
+    assert log.header["rollPID"] == "50,100,0,100,0"
+    assert log.firmware == "Rotorflight 4.6.0"
+    assert not log.source.findings
+
+
+@tabled("predictor", "encoding", "p_predictor", "p_encoding")
+def test_every_predictor_and_encoding_is_undone(
+    tmp_path, predictor, encoding, p_predictor, p_encoding
+):
+    """Groups of three, four and up to eight, small and large steps in them, and one alone."""
+    own = Field(1, predictor, encoding, p_predictor, p_encoding)
+    columns = {"time": TIME, **each("motor", 1), **each("own", 12), **each("small", 12, 2)}
+    if {encoding, p_encoding} & {written.UNSIGNED_VB, written.NEG_14BIT}:
+        columns = {name: np.abs(one) for name, one in columns.items()}
+    fields = dict.fromkeys(columns, own)
+    fields["last"], columns["last"] = own._replace(encoding=0, p_encoding=6), columns["own[0]"]
+    alone = Field(1, written.ZERO, written.SIGNED_VB, written.PREVIOUS)
+    kept = {name: written.ROTORFLIGHT[name] for name in ("loopIteration", "time")}
+    fields = {**kept, **fields, "motor[0]": alone, "time": kept["time"]}
+    header = {"motorOutput": "158,2047"}
+    check(Blackbox(saved(tmp_path, encode(columns, header, fields=fields))), columns)
+
+
+def test_time_goes_on_beyond_32_bits(tmp_path):
+    """After 71.6 minutes the firmware's clock of 32 bits, us, begins anew."""
+    time = 2**32 - 1_000_000 + 8000 * np.arange(COUNT)
+    log = Blackbox(saved(tmp_path, encode({"time": time, **each("gyroADC", 3)})))
+    np.testing.assert_allclose(log.time(), 1e-6 * time, atol=1e-9)
+
+
+def test_events_and_frames_beside_the_main_ones_are_read(tmp_path):
+    text = b"E" + bytes([101, 4]) + b"oops"
+    home = frame("H", written.GPS_HOME, 471_234_567, -8_765_432)
+    before = {
+        3: event(50, 4) + event(30, 5, 1) + text,
+        5: frame("S", written.SLOW, 9, 2, 0, 1, 1) + frame("G", written.GPS, 0, 1, 2, 3, 4, 5, 6),
+        7: home + frame("G", written.GPS, 1500, 11, -5, 7, 300, 20, 900),
+        9: adjusted(11, -60),
+    }
+    columns = {"time": TIME, **each("gyroADC", 3)}
+    log = Blackbox(saved(tmp_path, encode(columns, before=before, gps=True)))
+    check(log, columns)
+    kinds = [(one.kind, one.numbers, one.text) for one in log.events]
+    assert kinds[:2] == [(50, (4.0, 0.0), ""), (30, (5.0, 1.0), "")]
+    assert [kinds[2][0], kinds[2][2], *kinds[3][:2]] == [101, "oops", 13, (11.0, -60.0)]
+    assert log.events[3].time == 1e-6 * TIME[8]
+    assert [*log.raw("stateFlags"), *log.raw("rxSignalReceived"), *log.time("slow")] == [
+        *(2, 1),
+        1e-6 * TIME[4],
+    ]
+    # 1.5 ms after the main frame before; the frame ahead of home has no place
+    assert log.time("gps") == pytest.approx([1e-6 * (TIME[6] + 1500)], abs=1e-9)
+    assert log["GPS_coord[0]"] == pytest.approx([47.1234562], abs=1e-9)
+    assert [one.kind for one in log.source.findings] == ["corruption", "adjusted"]
+    assert "1 frames without the one that they build on" in log.source.findings[0].text
+
+
+def test_old_intervals_are_a_share(tmp_path):
+    """Two of three iterations were logged, in Betaflight's words of before 2018."""
+    kept = np.flatnonzero(np.arange(450) % 32 % 3 != 1)[:COUNT]
+    header = {"I interval": "32", "P interval": "2/3"}
+    lines = encode({"time": TIME}, {"P interval": "1", "I interval": "1"}).replace(
+        b"I interval:1\n", b"I interval:32\n"
+    )
+    rows = [b"I" + written.unsigned(int(n)) + written.unsigned(int(n)) for n in kept[:1]]
+    rows += [
+        b"I" + written.unsigned(int(n)) + written.unsigned(int(n))
+        if n % 32 == 0
+        else b"P" + written.signed(int(n - 2 * b + a))
+        for a, b, n in zip(
+            np.where(kept[:-1] % 32 == 0, kept[:-1], [0, *kept[:-2]]), kept, kept[1:]
+        )
+    ]
+    head = lines[: lines.index(b"P interval")] + b"P interval:2/3\n" + b"".join(rows)
+    log = Blackbox(saved(tmp_path, head))
+    np.testing.assert_array_equal(log.raw("loopIteration"), kept)
+    np.testing.assert_array_equal(np.rint(1e6 * log.time()), kept)
+    assert not log.source.findings
+    assert header["P interval"] == log.header["P interval"]
+
+
+def test_of_several_logs_the_largest_is_read_and_another_can_be_chosen(tmp_path, capsys):
+    parts = [
+        encode({"time": TIME[:n], **{k: v[:n] for k, v in each("gyroADC", 3).items()}})
+        for n in (40, 300, 60)
+    ]
+    path = saved(tmp_path, b"\x00garbage" + b"".join(parts), "a.bbl")
+    assert is_blackbox(path)
+    found = read_log(path)
+    assert len(found.record) == 300
+    said = found.report.findings[0]
+    assert said.kind == "logs"
+    assert "log 2 of 3 is read; the others are 3 (" in said.text
+    assert len(read_log(path, channels=Map(file=Layout(log=3))).record) == 60
+    with pytest.raises(InputError, match="has logs 1 to 3, and 4 was asked for"):
+        Blackbox(path, 4)
+    main(["look", str(path), "--log", "3", "--quiet"])
+    assert "log 3 of 3 is read" in capsys.readouterr().out
+
+
+def test_what_is_lost_is_counted_and_the_rest_is_right(tmp_path):
+    """Bytes cut out of the middle cost the frames up to the next whole one, and no others."""
+    columns = {"time": TIME, **each("gyroADC", 3), **each("axisP", 3)}
+    data = encode(columns)
+    middle = data.index(b"I", len(data) // 2)
+    log = Blackbox(saved(tmp_path, data[: middle + 20] + data[middle + 75 :]))
+    kept = np.flatnonzero(np.isin(TIME, np.rint(1e6 * log.time())))
+    assert COUNT - 12 < kept.size < COUNT
+    check(log, columns, kept)
+    (said,) = log.source.findings
+    assert said.kind == "corruption"
+    assert f"{COUNT - kept.size} frames missing between others" in said.text
+    found = read_log(log.path, max_gap=0.1)
+    assert said in found.report.findings
+
+
+def test_a_pause_is_no_loss(tmp_path):
+    rows = np.r_[0:100, 200:COUNT]
+    columns = {"time": TIME[rows], "loopIteration": 8 * rows}
+    columns |= {name: one[rows] for name, one in each("gyroADC", 3).items()}
+    log = Blackbox(saved(tmp_path, encode(columns)))
+    check(log, columns)
+    assert [one.text for one in log.source.findings] == ["logging paused 1 times"]
+
+
+def test_a_wild_stamp_costs_one_frame_and_a_jump_few(tmp_path):
+    """Of two whole frames in a row whose times agree the second is believed."""
+    late = TIME + 60_000_000 * (np.arange(COUNT) >= 100)
+    data = encode({"time": late, **each("gyroADC", 3)})
+    log = Blackbox(saved(tmp_path, data))
+    lost = np.setdiff1d(late, np.rint(1e6 * log.time()).astype(int))
+    assert 0 < lost.size <= 8
+    assert lost.min() == late[100]
+    assert "whose time or number jumps" in log.source.findings[0].text
+
+
+def moving(count=4000, rate=500.0):
+    """Return counts of a helicopter that rolls, pitches and turns: rates as their angles' slopes.
+
+    In forward, left and up, but the heading, which counts to the right.
+    """
+    time = np.arange(count) / rate
+    angles = np.stack([np.sin(one * time) * 0.05 for one in (30.0, 37.0, 45.0)])
+    rates = np.degrees(np.gradient(angles, time, axis=1))
+    down = [np.sin(angles[1]), np.sin(angles[0]), np.cos(angles[0]) * np.cos(angles[1])]
+    turned = np.array([1, 1, -1])[:, None]
+    columns = {"time": np.rint(1e6 * time) + 1_000_000}
+    for name, rows in (
+        ("gyroADC", rates),
+        ("attitude", 10.0 * np.degrees(angles * turned)),
+        ("accADC", 2048.0 * np.array(down) * np.array([[-1], [1], [1]])),
+        ("setpoint", 100.0 * np.stack([*np.sin(angles), angles[0]])),
+        ("mixer", 1000.0 * np.stack([*angles, angles[0]])),
+    ):
+        columns |= {f"{name}[{k}]": np.rint(one) for k, one in enumerate(rows)}
+    return columns | {"headspeed": np.full(count, 2000) + np.arange(count) % 3}
+
+
+RAPID = {"P interval": "2", "I interval": "32", "pid_process_denom": "8"}
+
+
+def test_fields_of_rotorflight_are_channels_in_si(tmp_path):
+    columns = moving()
+    found = read_log(saved(tmp_path, encode(columns, RAPID)))
+    record, degree = found.record, np.pi / 180.0
+    for name, field, factor in (
+        *((one, f"gyroADC[{k}]", degree) for k, one in enumerate(("p", "q", "r"))),
+        *((one, f"attitude[{k}]", 0.1 * degree) for k, one in enumerate(("phi", "theta", "psi"))),
+        *((one, f"setpoint[{k}]", degree) for k, one in enumerate(("LAT", "LON", "PED"))),
+        *((one, f"mixer[{k}]", 0.012 * degree) for k, one in enumerate(("lat", "lon"))),
+        *(("ped", "mixer[2]", 0.024 * degree), ("col", "mixer[3]", 0.012 * degree)),
+        *(("COL", "setpoint[3]", 0.012 * degree), ("rotor_speed", "headspeed", np.pi / 30.0)),
+        *((one, f"accADC[{k}]", 9.80665 / 2048.0) for k, one in enumerate(("ax", "ay", "az"))),
+    ):
+        sign = -1.0 if name in ("q", "r", "theta", "lon", "ped", "LON", "PED", "ay", "az") else 1.0
+        np.testing.assert_allclose(record[name], sign * factor * columns[field], atol=1e-9)
+    assert record.unit("LAT") == record.unit("lat") == "1"
+    # rates are the slopes of angles, and gravity is down: signs and units hold together
+    assert not {one.kind for one in found.report.findings} & {"sign", "axes", "unit", "scale"}
+
+
+def test_a_wrong_sign_would_be_found(tmp_path):
+    path = saved(tmp_path, encode(moving(), RAPID))
+    channels = {**Blackbox(path).channels, "q": Column("gyroADC[1]")}
+    found = read_log(path, channels=channels)
+    assert "sign" in {one.kind for one in found.report.findings}
+
+
+def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
+    """The mixer's yaw is its throttle then, whose sense is that of the rotor."""
+    columns = {**moving(), **each("axisP", 3), **each("axisF", 3)}
+    count = columns["time"].size
+    columns = {name: np.resize(one, count) for name, one in columns.items()}
+    columns |= {f"motor[{k}]": np.full(count, 500) for k in range(2)}
+    log = Blackbox(saved(tmp_path, encode(columns, RAPID)))
+    assert log.channels["ped"].column == "axisSum[2]"
+    assert log.channels["lat"].column == "mixer[0]"
+    total = columns["axisP[2]"] + columns["axisF[2]"]
+    np.testing.assert_allclose(log["axisSum[2]"], 1e-3 * total, atol=1e-12)
+    assert log.units["axisSum[2]"] == log.units["mixer[2]"] == "1"
+    assert log.units["axisSum[0]"] == "deg"
+    columns = {name: one for name, one in columns.items() if not name.startswith("mixer")}
+    assert Blackbox(saved(tmp_path, encode(columns, RAPID))).units["axisSum[2]"] == "1"
+
+
+@tabled("header", "column", "factor", "unit")
+def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
+    rounding = 1e-7 if "gyro_scale" in header else 1e-12  # single precision
+    names = {"axisP": 3, "axisI": 3, "rcCommand": 4, "setpoint": 4, "gyroADC": 3, "accADC": 3}
+    columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50, "rcCommand[4]": TIME % 900}
+    for name, count in names.items():
+        columns |= each(name, count)
+    log = Blackbox(saved(tmp_path, encode(columns, header)))
+    np.testing.assert_allclose(log[column], factor * log.raw(column), rtol=rounding)
+    assert log.units.get(column, "") == unit
+
+
+@pytest.mark.parametrize(("header", "limits"), [(BETAFLIGHT, (0.5, 0.4)), (OF_4_2, (np.inf,) * 2)])
+def test_without_a_mixer_the_limited_sum_of_terms_is_the_command(tmp_path, header, limits):
+    columns = {"time": TIME, "rcCommand[4]": TIME % 900, **each("rcCommand", 4)}
+    for name in ("axisP", "axisI", "axisD", "axisF", "gyroADC"):
+        columns |= each(name, 3)
+    columns |= each("setpoint", 4)
+    log = Blackbox(saved(tmp_path, encode(columns, header)))
+    assert [log.channels[one].column for one in ("lat", "lon", "ped")] == [
+        f"axisSum[{k}]" for k in range(3)
+    ]
+    count = 1e-3 if header is BETAFLIGHT else 2e-3
+    for k, limit in ((0, limits[0]), (1, limits[0]), (2, limits[1])):
+        total = count * sum(columns[f"axis{one}[{k}]"] for one in "PIDF")
+        assert np.max(np.abs(total)) > 0.5
+        np.testing.assert_allclose(log[f"axisSum[{k}]"], np.clip(total, -limit, limit), atol=1e-12)
+    assert log.channels["col"].column == "rcCommand[4]" if header is OF_4_2 else "setpoint[3]"
+    assert "COL" not in log.channels
+
+
+def flown():
+    """Return counts of a roll rate that follows a sweep of the mixer, as the loop makes it."""
+    rate, count = 250.0, 15_000
+    time = np.arange(count) / rate
+    asked = 200.0 * np.sin(np.cumsum(2.0 + 20.0 * time / time[-1]) / rate)
+    noise = np.random.default_rng(2).normal(0.0, 20.0, count)
+    p, moved = np.zeros(count), np.zeros(count)
+    for k in range(count - 1):
+        moved[k] = 2.0 * (asked[k] - p[k]) + noise[k]
+        p[k + 1] = p[k] + (8.0 * moved[k] - 10.0 * p[k]) / rate
+    columns = {"setpoint[0]": asked, "mixer[0]": moved, "gyroADC[0]": p}
+    others = {f"{one}[{k}]": 0.0 * p for one in ("setpoint", "mixer") for k in range(1, 4)}
+    others |= {f"gyroADC[{k}]": 0.0 * p for k in (1, 2)}
+    stamps = {"time": np.rint(1e6 * time) + 1_000_000}
+    return stamps | {name: np.rint(one) for name, one in (columns | others).items()}
+
+
+def test_a_log_is_looked_at_and_identified_by_its_own_channels(tmp_path, capsys):
+    path = saved(tmp_path, encode(flown(), {"P interval": "4", "I interval": "64"}))
+    found = hs.look(path)
+    assert {"lat", "LAT", "p"} <= {one.name for one in found.logs[0].channels}
+    assert found.proposal is not None
+    options = ["--inputs", "lat", "--outputs", "p", "--structure", "tf:0/1", "--band", "3", "20"]
+    assert main(["identify", str(path), *options, "--reference", "LAT", "--quiet"]) == 0
+    assert "LAT" in capsys.readouterr().out
+    frf = hs.frequency_response(
+        read_log(path).record, inputs="lat", outputs="p", reference="LAT", band=(3.0, 20.0)
+    )
+    lag = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
+    found = hs.identify(frf, lag)
+    gain, pole = (found.parameters[one] for one in ("b0", "a0"))
+    # p' = 8 mixer - 10 p in deg/s and counts of 0.012 deg; 4 errors, 1 % is of the step of 4 ms
+    assert gain.value == pytest.approx(8.0 / 0.012, abs=4 * gain.standard_error + 7.0)
+    assert pole.value == pytest.approx(10.0, abs=4 * pole.standard_error + 0.1)
+
+
+@tabled("replaced", "by", "message")
+def test_a_header_that_cant_be_is_refused(tmp_path, replaced, by, message):
+    data = encode({"time": TIME, **each("gyroADC", 3), **each("axisP", 3)})
+    assert replaced in data
+    with pytest.raises(StorageError, match=message) as raised:
+        Blackbox(saved(tmp_path, data.replace(replaced, by)))
+    assert len(str(raised.value)) <= 500
+
+
+def attempt(path, data):
+    """Read a log; return whether it was read. Anything but our errors is raised."""
+    path.write_bytes(data)
+    read, said = [], "read"
+    try:
+        read.append(Blackbox(path))
+        read_log(path, repair=("gaps", "missing", "duplicates", "resets"))
+    except HelisimError as error:
+        said = str(error)
+    assert 0 < max(map(len, said.splitlines())) <= 500
+    assert all(np.isfinite(log[name]).all() for log in read for name in log.columns)
+    return bool(read)
+
+
+def test_a_log_that_is_cut_anywhere_is_read_or_refused(tmp_path):
+    columns = {"time": TIME[:12], **{k: v[:12] for k, v in each("gyroADC", 3).items()}}
+    data = encode(columns, {"Craft name": None}, ended=False)
+    begins = data.index(b"maxthrottle:2000\n") + len("maxthrottle:2000\n")
+    read = [attempt(tmp_path / "a.bbl", data[:stop]) for stop in range(0, len(data), 3)]
+    assert not any(read[: begins // 3])
+    assert read[-1]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_log_with_wrong_bits_is_read_or_refused(tmp_path, seed):
+    random = np.random.default_rng(seed)
+    data = encode({"time": TIME, **each("gyroADC", 3), **each("axisP", 3)}, gps=True)
+    changed = np.frombuffer(data, np.uint8).copy()
+    first = 0 if seed % 2 else data.index(b"maxthrottle")
+    hit = random.integers(first, changed.size, 1 + seed)
+    changed[hit] ^= (1 << random.integers(0, 8, hit.size)).astype(np.uint8)
+    attempt(tmp_path / "a.bbl", changed.tobytes())
+
+
+def test_nothing_and_a_header_alone_are_refused(tmp_path):
+    data = encode({"time": TIME})
+    header = data[: data.index(b"I" + written.unsigned(0))]
+    for one, message in ((header, "a header, and no frame"), (b"x" * 100, "no Blackbox log in")):
+        with pytest.raises(StorageError, match=message):
+            Blackbox(saved(tmp_path, one))
+    with pytest.raises(StorageError, match="the file is empty"):
+        read_log(saved(tmp_path, b""))
+
+
+def test_unknown_fields_and_clocks_are_listed(tmp_path):
+    log = Blackbox(saved(tmp_path, encode({"time": TIME, **each("gyroADC", 3)})))
+    for wanted in (lambda: log["gyro"], lambda: log.raw("time2"), lambda: log.time("gps")):
+        with pytest.raises(UnknownNameError, match=r"gyroADC|main"):
+            wanted()
+
+
+DUMP = """# version
+# Rotorflight / STM32F7X2 (S7X2) 4.6.0 Jun 28 2026 / 10:20:07 (b92aac0) MSP API: 12.9
+batch start
+servo 1 1500 -700 700 500 500 333 0 0
+mixer input SR 1000 -1250 1250
+set swash_type = 120
+set blackbox_rate_denom = 4
+set name = a = b
+
+profile 0
+set roll_p_gain = 60
+
+profile 1
+set roll_p_gain = 70
+# restore original profile selection
+profile 0
+
+rateprofile 1
+set roll_rc_rate = 20
+# restore original rateprofile selection
+rateprofile 0
+save
+"""
+
+
+def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
+    path = tmp_path / "dump.txt"
+    path.write_text(DUMP)
+    found = read_dump(path)
+    assert dict(found) == {
+        "servo 1": "1500 -700 700 500 500 333 0 0",
+        "mixer input SR": "1000 -1250 1250",
+        "swash_type": "120",
+        "blackbox_rate_denom": "4",
+        "name": "a = b",
+        "roll_p_gain": "60",
+    }
+    path.write_text(re.sub("set|servo|mixer", "x", DUMP))
+    with pytest.raises(StorageError, match="no setting in it, such as 'set roll_p_gain = 50'"):
+        read_dump(path)

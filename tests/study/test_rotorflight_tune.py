@@ -1,0 +1,158 @@
+"""Rotorflight's gains from Blackbox logs, of a linear yaw that flies under the law itself."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import blackbox_logs
+from helisim.base.errors import LogError
+from helisim.cli import main
+from helisim.design import laws
+from helisim.design.plant import Plant
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.predicted import PredictedLoop
+from helisim.logs.blackbox import Blackbox
+from helisim.study.rotorflight_tune import Feedback, law_of_log, tune_blackbox
+from rotorflight_flights import header
+
+PERIOD, LATE = 0.004, 3  # s of a loop, and loops until a command acts
+N_R, N_PED = -2.0, 60.0  # 1/s, 1/s^2 by rad of blade pitch
+FULL = {"range": 1.0}
+LAW = laws.Rotorflight(
+    roll=laws.CyclicRotorflight(**FULL, p=52.0, b=7.0, gyro_cutoff=40.0),
+    pitch=laws.CyclicRotorflight(**FULL, p=45.0, d=40.0, d_cutoff=12.0),
+    yaw=laws.YawRotorflight(**FULL, p=60.0, i=70.0, d=5.0, ccw_stop_gain=100.0, cw_stop_gain=100.0),
+    collective=laws.CollectiveRotorflight(**FULL),
+    gyro_lowpass=0.0,
+)
+
+
+class Yaw:
+    """The exact yaw as the law has it: a delay, and a zero-order hold."""
+
+    inputs, outputs = ("ped",), ("p", "q", "r", "phi", "theta", "psi")
+
+    def response(self, frequency):
+        z = np.exp(1j * np.asarray(frequency) * PERIOD)
+        grows = math.exp(N_R * PERIOD)
+        rate = z**-LATE * N_PED / N_R * (grows - 1.0) / (z - grows)
+        found = np.zeros((6, 1, z.size), complex)
+        found[2, 0], found[5, 0] = rate, rate * PERIOD / (z - 1.0) * 0.5 * (z + 1.0)
+        return found
+
+
+def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
+    """Return columns of a log: sticks in steps of yaw, gusts, the law's commands."""
+    rng, law, count = np.random.default_rng(seed), LAW.linear(PERIOD), round(seconds / PERIOD)
+    state, rate, grows = np.zeros(len(law.a)), 0.0, math.exp(N_R * PERIOD)
+    waits, rows, asked, gust = [0.0] * LATE, [], 0.0, 0.0
+    for k in range(count):
+        if k % 100 == 0:
+            asked = sticks * rng.uniform(-0.5, 0.5)
+        gust += PERIOD * (-2.0 * gust) + gusts * math.sqrt(PERIOD) * rng.standard_normal()
+        sensed = rate + 0.003 * rng.standard_normal()
+        given = {"r": sensed, "PED": asked}
+        seen = np.array([given.get(name, 0.0) for name in law.inputs])
+        ped = float((law.c @ state + law.d @ seen)[law.outputs.index("ped")])
+        state = law.a @ state + law.b @ seen
+        rows.append((asked, ped, sensed))
+        acts, waits = waits[0], [*waits[1:], ped]
+        rate = grows * rate + (grows - 1.0) / N_R * (N_PED * acts + 30.0 * gust)
+    asked, ped, rates = np.array(rows).T
+    deg, still = np.degrees(rates), np.zeros(count)
+    columns = {
+        "time": 5e6 + 1e6 * PERIOD * np.arange(count),
+        "setpoint[2]": -2.0 * LAW.yaw.rate * asked,
+        "mixer[2]": -1000.0 * ped / math.radians(24.0),
+        "gyroADC[2]": -deg,
+        "attitude[2]": np.mod(10.0 * np.cumsum(deg) * PERIOD, 3600.0),
+        "headspeed": still + 2100.0,
+    }
+    for name in ("setpoint", "mixer", "attitude"):
+        columns |= {f"{name}[{k}]": still for k in (0, 1)}
+    columns |= {f"gyroADC[{k}]": 2.0 * rng.standard_normal(count) for k in (0, 1)}
+    columns |= dict.fromkeys(("setpoint[3]", "mixer[3]"), still + 300.0)
+    return {name: np.rint(one).astype(np.int64) for name, one in columns.items()}
+
+
+def saved(folder, columns, **lines):
+    path = folder / "flight.bbl"
+    path.write_bytes(blackbox_logs.encode(columns, header(LAW, PERIOD) | lines))
+    return path
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    return saved(tmp_path_factory.mktemp("log"), flown(120.0))
+
+
+def test_the_law_is_the_header_s(log):
+    own = law_of_log(Blackbox(log))
+    for axis in ("roll", "pitch", "yaw"):
+        for name in ("p", "i", "d", "f", "b", "gyro_cutoff", "d_cutoff"):
+            assert getattr(getattr(own, axis), name) == getattr(getattr(LAW, axis), name), name
+
+
+def test_gains_change_the_law_as_they_do_its_own_file():
+    """Each alone and together: the law's linearisation with the gains in it, to rounding."""
+    frequency = np.array([0.5, 5.0, 50.0])
+    gains = {"yaw": {"p": 97.0, "i": 33.0, "d": 20.0}, "roll": {"i": 250.0}}
+    changed = {axis: replace(getattr(LAW, axis), **some) for axis, some in gains.items()}
+    exact = replace(LAW, **changed).linear(PERIOD).response(frequency)
+    np.testing.assert_allclose(
+        Feedback(LAW, PERIOD, gains).response(frequency), exact, rtol=1e-6, atol=1e-9
+    )
+
+
+def test_ordinary_flying_tells_the_loop_and_better_gains(log, tmp_path, capsys):
+    """Half an interval more than its own: one figure of twenty lies outside of 95 %.
+
+    Predicted margins of the new gains hold with the exact yaw: required ones, 6 dB and 45 degrees.
+    """
+    found = tune_blackbox([str(log)])
+    (yaw,) = found.axes
+    loop = PredictedLoop.of([Yaw()] * 3, LAW.linear(PERIOD))
+    exact = {name: one.value for name, one in loop.figures("ped").items()}
+    for name in ("crossover", "phase_margin", "DRB"):
+        own = yaw.today[name]
+        assert abs(own.value - exact[name]) < own.high - own.low, name
+    assert yaw.changes
+    out = tmp_path / "gains.txt"
+    assert main(["tune", str(log), "--out", str(out), "--quiet"]) == 0
+    told = capsys.readouterr().out
+    assert "no model of roll and pitch" in " ".join(told.split())
+    settings = dict(
+        line.removeprefix("set ").split(" = ")
+        for line in out.read_text(encoding="utf-8").splitlines()
+        if line.startswith("set ")
+    )
+    assert settings == {one.name: f"{one.after:g}" for one in yaw.changes}
+    gains = {name.split("_")[1]: float(value) for name, value in settings.items()}
+    new = replace(LAW, yaw=replace(LAW.yaw, **gains))
+    flies = PredictedLoop.of([Yaw()] * 3, new.linear(PERIOD)).figures("ped")
+    assert flies["gain_margin"].value > 6.0
+    assert flies["phase_margin"].value > 45.0
+    assert flies["DRB"].value > 1.03 * exact["DRB"]
+
+
+def test_a_flight_without_information_is_refused(tmp_path):
+    """Sticks at rest, gusts alone: feedback without a reference would give the law's inverse."""
+    found = tune_blackbox([str(saved(tmp_path, flown(60.0, sticks=0.0)))])
+    assert not found.axes
+    assert all("no model of" in one and "quick stops" in one for one in found.remarks)
+
+
+def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):
+    columns = flown(2.0)
+    other = {"Firmware type": "Betaflight", "Firmware revision": "Betaflight 4.5.0 (a) X"}
+    with pytest.raises(LogError, match=r"Betaflight 4\.5\.0; its models are told by helisim"):
+        law_of_log(Blackbox(saved(tmp_path, columns, **other)))
+    with pytest.raises(LogError, match="the header's yawPID is '80,x', expected 3 numbers"):
+        law_of_log(Blackbox(saved(tmp_path, columns, yawPID="80,x")))
+
+
+def test_a_plant_of_its_models_is_still_where_nothing_was_told(log):
+    plant = Plant(tune_blackbox([str(log)]).fits, period=PERIOD, still=("p", "phi"))
+    assert not ClosedLoop(plant, LAW.linear(PERIOD)).reached("rate", "ped")["phi"].response.any()
