@@ -270,13 +270,12 @@ sweep, chirp, multisine; the axis of sensors is p, q, r, phi, theta or psi:
   --excitation doublet,axis=ped,at=actuators,amplitude=0.05
 """,
     "logs": """
-logs LOG <some>  helisim record, CSV, Parquet, .npy, .mat, ULog, .px4log, DataFlash
-    or Blackbox
+logs LOG <some>  Parquet, CSV, ULog, DataFlash, Blackbox, .npy, .mat
 how to read the logs:
 --map FILE  columns of channels, .toml, see helisim examples
 --channel NAME=... <many>  COLUMN:UNIT[:sign=-1][:trim=X][:range=X]; repeatable
 --names A,B,... <names =>  of the columns of a file without a heading
---log N <int>  of several Blackbox logs in a file (default: the largest)
+--log N <int>  of several in a Blackbox file (default: largest)
 --time COLUMN[:UNIT]  column of times, in s, ms, us, ...
 --resample HZ  make the samples uniform
 --repair NAME,... <many>  duplicates, frozen, gaps, missing, resets, spikes

@@ -1,6 +1,6 @@
 """Compare Blackbox logs with another decoder's tables of them, value by value.
 
-    python scripts/proof/blackbox_logs.py FOLDER REFERENCE.csv...
+    python scripts/proof/blackbox_values.py FOLDER REFERENCE.csv...
 
 A table NAME.03.csv is of the third log in FOLDER/NAME.*, as Betaflight's blackbox_decode writes it
 with `--unit-vbat raw --unit-amperage raw`; without a number it is of the only one. Rows are matched
