@@ -34,6 +34,7 @@ _GROUNDS: dict[int, Ink] = {1: "level1", 2: "level2", 3: "level3"}
 LOOKS: dict[str, Look] = {  # look by subject
     "before": ("squares", "grey", 2.2),
     "flown": ("dots", "data", 1.5),
+    "today": ("dots", "data", 1.5),
     "predicted": ("rings", "identified", 2.4),
     "exact": ("crosses", "truth", 2.2),
 }

@@ -103,7 +103,7 @@ def table(shown: Table) -> str:
         for row in shown.rows
     )
     notes = (
-        paragraph(f"{label[:1].upper()}{label[1:]}: {text}" if label else text, "note")
+        paragraph(f"{_heading(label)}: {text}" if label else text, "note")
         for label, text in shown.notes
     )
     return (
@@ -130,3 +130,8 @@ def figures(drawings: Iterable[Drawing], folder: Path | None = None) -> str:
             one.write(folder)
     inner = "\n".join(parts)
     return f'<div class="figures">\n{inner}\n</div>' if inner else ""
+
+
+def _heading(label: str) -> str:
+    """Return a note's label with a capital, a parameter's name as it is."""
+    return label if "_" in label else f"{label[:1].upper()}{label[1:]}"

@@ -173,7 +173,8 @@ class LogTuning(Value):
                 Setting(name, value, _NOTCH[name.split("_")[-1]]) for name, value in rows.items()
             )
         return AutopilotParameters(
-            f"gains and notches from {', '.join(Path(one).name for one in self.logs)}",
+            f"gains{' and notches' if self.vibration else ''} from "
+            f"{', '.join(Path(one).name for one in self.logs)}",
             groups,
             form=self.form,
         )
