@@ -107,6 +107,7 @@ def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path):
         "systemid",
         "SID_AXIS 12",
         "yaw_alone",
+        "no model tells p, q, phi, theta: taken to be held",
         "loop_ped",
         "ATC_RAT_YAW_FF",
         "INS_LOG_BAT",

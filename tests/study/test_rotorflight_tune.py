@@ -149,8 +149,10 @@ def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):
     other = {"Firmware type": "Betaflight", "Firmware revision": "Betaflight 4.5.0 (a) X"}
     with pytest.raises(LogError, match=r"Betaflight 4\.5\.0; its models are told by helisim"):
         law_of_log(Blackbox(saved(tmp_path, columns, **other)))
-    with pytest.raises(LogError, match="the header's yawPID is '80,x', expected 3 numbers"):
+    with pytest.raises(LogError, match="the header's yawPID is '80,x', expected 3 number"):
         law_of_log(Blackbox(saved(tmp_path, columns, yawPID="80,x")))
+    with pytest.raises(LogError, match="the header's looptime is '', expected 1 number"):
+        tune_blackbox([str(saved(tmp_path, columns, looptime=""))])
 
 
 def test_a_plant_of_its_models_is_still_where_nothing_was_told(log):

@@ -130,27 +130,17 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
             "told by helisim identify"
         )
 
-    def numbers(name: str, count: int) -> list[float]:
-        try:
-            found = [float(one) for one in header[name].split(",")]
-        except (KeyError, ValueError):
-            found = []
-        if len(found) < count:
-            raise LogError(
-                f"{place}: the header's {name} is {header.get(name, 'missing')!r}, expected "
-                f"{count} numbers"
-            )
-        return found
-
     axes: dict[str, dict[str, float]] = {}
     for axis in _AXES.values():
-        gains = dict(zip("pidfb", numbers(f"{axis}PID", 3)))
+        gains = dict(zip("pidfb", _numbers(log, f"{axis}PID", 3)))
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
         axes[axis] = {"range": 1.0, **gains}
         if f"{axis}BW" in header:
-            axes[axis] |= zip(("gyro_cutoff", "d_cutoff", "b_cutoff"), numbers(f"{axis}BW", 2))
+            axes[axis] |= zip(
+                ("gyro_cutoff", "d_cutoff", "b_cutoff"), _numbers(log, f"{axis}BW", 2)
+            )
     if "yaw_stop_gain" in header:
-        axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), numbers("yaw_stop_gain", 2))
+        axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), _numbers(log, "yaw_stop_gain", 2))
     return of.Rotorflight(
         roll=of.CyclicRotorflight(**axes["roll"]),
         pitch=of.CyclicRotorflight(**axes["pitch"]),
@@ -158,6 +148,20 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
         collective=of.CollectiveRotorflight(range=1.0),
         gyro_lowpass=0.0,
     )
+
+
+def _numbers(log: Blackbox, name: str, count: int) -> list[float]:
+    """Return the numbers of a line of the header. Raises LogError if there are fewer."""
+    try:
+        found = [float(one) for one in log.header[name].split(",")]
+    except (KeyError, ValueError):
+        found = []
+    if len(found) < count or not np.all(np.isfinite(found)):
+        raise LogError(
+            f"{log.path.name}: the header's {name} is {log.header.get(name, 'missing')!r}, "
+            f"expected {count} number(s)"
+        )
+    return found
 
 
 def command_of(axis: str, name: str) -> float:
@@ -183,7 +187,11 @@ def tune_blackbox(
     paths = [Path(one) for one in logs]
     on_step("models")
     first = open_blackbox(paths[0], file_digest(paths[0]), None)
-    law, remarks = law_of_log(first), list[str]()
+    law, remarks = law_of_log(first), [one.text for one in first.source.findings]
+    loops = (
+        _numbers(first, "pid_process_denom", 1) if "pid_process_denom" in first.header else [1.0]
+    )
+    period = 1e-6 * _numbers(first, "looptime", 1)[0] * loops[0]
     if "rollBW" not in first.header:
         remarks.append(
             "the header lacks the controller's cutoffs (rollBW, of Rotorflight 4.4 and later): the "
@@ -195,8 +203,6 @@ def tune_blackbox(
         return LogTuning(tuple(logs), None, remarks=tuple(remarks))
     known = Plant(tuple(fits)).outputs
     still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
-    lines = first.header
-    period = 1e-6 * float(lines["looptime"]) * float(lines.get("pid_process_denom", 1.0))
     plant = Plant(tuple(fits), period=period, still=still)
     plants = [plant, *plant.draws(DRAWS, seed=seed)]
     on_step("loops as flown")
@@ -251,7 +257,11 @@ def _models(
     fits, wrong = list[Fit](), dict[str, str]()
 
     def moving(*names: str) -> tuple[str, ...]:
-        return tuple(one for one in names if any(np.ptp(record[one]) > 0.0 for record in records))
+        return tuple(
+            name
+            for name in names
+            if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
+        )
 
     for structure, inputs, outputs, others in _FITS:
         if motor_tail and "ped" in inputs:
@@ -263,8 +273,8 @@ def _models(
         words = " and ".join(axis_of(one).word for one in inputs)
         if len(moving(*(one.upper() for one in inputs))) < len(inputs):
             remarks.append(
-                f"no model of {words}: a setpoint of it never moves, and feedback alone shows the "
-                f"controller's inverse; {_FLY}"
+                f"no model of {words}: a setpoint of it is not logged or never moves, and feedback "
+                f"alone shows the controller's inverse; {_FLY}"
             )
             continue
         try:
