@@ -230,7 +230,7 @@ def tune_log(
     today = PredictedLoop.of(plants, law)
     own = log.parameters(at=start + log.begins)
     wrong = {
-        name: f"its model is {fit.verdict}"
+        name: f"the model's {fit.verdict}"
         for fit in plant.fits
         for name in fit.structure.inputs
         if fit.verdict.word == "wrong"

@@ -287,7 +287,7 @@ def _models(
         # lost frames are told by their numbers; whole counts lie on straight lines, too
         if any(reason.kind != "lost" for reason in fit.verdict.reasons):
             # figures of a doubtful model are of motion as large as was flown, and not of all
-            wrong |= dict.fromkeys(inputs, f"its model is {fit.verdict}; {_FLY}")
+            wrong |= dict.fromkeys(inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
     return fits, wrong
 
