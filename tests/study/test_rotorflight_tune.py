@@ -1,5 +1,6 @@
 """Rotorflight's gains from Blackbox logs, of a linear yaw that flies under the law itself."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -120,7 +121,9 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tmp_path, capsys):
         assert abs(own.value - exact[name]) < own.high - own.low, name
     assert yaw.changes
     out = tmp_path / "gains.txt"
-    assert main(["tune", str(log), "--out", str(out), "--quiet"]) == 0
+    data = tmp_path / "found.json"
+    assert main(["tune", str(log), "--out", str(out), "--json", str(data), "--quiet"]) == 0
+    assert json.loads(data.read_text(encoding="utf-8"))["logs"] == [str(log)]
     told = capsys.readouterr().out
     assert "no model of roll and pitch" in " ".join(told.split())
     settings = dict(

@@ -19,7 +19,8 @@ from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
-from helisim.handling.loop import axis_of
+from helisim.handling.loop import Curve, axis_of
+from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import PredictedLoop
 from helisim.ident import Fit, identify, structures
 from helisim.logs.blackbox import Blackbox, open_blackbox
@@ -184,7 +185,7 @@ def tune_blackbox(
     that feedback and gusts don't bias them; gains and filters are the header's. Better gains are as
     of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
     """
-    paths = [Path(one) for one in logs]
+    names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     on_step("models")
     first = open_blackbox(paths[0], file_digest(paths[0]), None)
     law, remarks = law_of_log(first), [one.text for one in first.source.findings]
@@ -200,7 +201,7 @@ def tune_blackbox(
     records = [record for one in paths for record in read_log(one).records]
     fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
     if not fits:
-        return LogTuning(tuple(logs), None, remarks=tuple(remarks))
+        return LogTuning(names, None, remarks=tuple(remarks))
     known = Plant(tuple(fits)).outputs
     still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
     plant = Plant(tuple(fits), period=period, still=still)
@@ -208,14 +209,6 @@ def tune_blackbox(
     on_step("loops as flown")
     axes, today = tuned_axes(plant), Feedback(law, period, {})
     loop = PredictedLoop.of(plants, today)
-    for axis in axes:
-        turns = margins(loop.broken(axis)).gain
-        nearest, _ = min(turns, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
-        if nearest > _BAND[1]:
-            remarks.append(
-                f"the gain margin of {axis_of(axis).word} lies at {nearest:.0f} rad/s, beyond "
-                f"{_BAND[1]:g} rad/s, to where flights tell the model"
-            )
     stays = {axis: loop.figures(axis) for axis in axes}
     on_step("candidates")
     gains, tuned, none = searched(
@@ -233,15 +226,17 @@ def tune_blackbox(
     better, found = _with(law, period, gains), []
     for axis in axes:
         loops = {"today": ClosedLoop(plant, today).broken(axis)}
-        one = AxisTuning(axis, False, stays[axis], why=(none | wrong).get(axis, ""), loops=loops)
+        shown = _seen(stays[axis], loops["today"], remarks)
+        one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
             louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
             changes = _changes(axis, gains[axis], law, plants)
             loops |= {"predicted": ClosedLoop(plant, better).broken(axis)}
-            one = replace(one, tuned=tuned[axis], noise=louder, changes=changes, loops=loops)
+            shown = _seen(tuned[axis], loops["predicted"], remarks)
+            one = replace(one, tuned=shown, noise=louder, changes=changes, loops=loops)
         found.append(one)
     return LogTuning(
-        tuple(logs),
+        names,
         None,
         tuple(found),
         tuple(dict.fromkeys(remarks)),
@@ -290,6 +285,18 @@ def _models(
             wrong |= dict.fromkeys(inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
     return fits, wrong
+
+
+def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
+    """Return figures without a gain margin beyond the band of the models; extend the remarks."""
+    nearest, size = min(margins(loop).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
+    if nearest <= _BAND[1]:
+        return dict(figures)
+    remarks.append(
+        f"a gain margin lies at {nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which "
+        f"flights tell the models: {abs(size):.0f} dB by these alone"
+    )
+    return {**figures, "gain_margin": Interval(abs(size), math.nan, math.nan)}
 
 
 def _settings(axis: str, gains: Gains) -> dict[str, float]:
