@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from math import degrees, isfinite
+from math import degrees, isfinite, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -347,8 +347,10 @@ def tuning(shown: AxisTuning) -> Table:
 
 
 def _within(found: Interval | None) -> str:
-    if found is None or not isfinite(found.high - found.low):
+    if found is None or not isfinite(found.value):
         return "-"
+    if not isfinite(found.high - found.low):
+        return f"about {found.value:.2g}" if isnan(found.low) else "-"
     form = interval_form(found.high - found.low)
     if found.low == found.high:
         return number(found.value, form)

@@ -227,6 +227,8 @@ def tune_blackbox(
     for axis in axes:
         loops = {"today": ClosedLoop(plant, today).broken(axis)}
         shown = _seen(stays[axis], loops["today"], remarks)
+        if axis in wrong:
+            shown = {name: _about(found.value) for name, found in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
             louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
@@ -288,7 +290,7 @@ def _models(
 
 
 def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
-    """Return figures without a gain margin beyond the band of the models; extend the remarks."""
+    """Return figures, a gain margin beyond the models' band without bounds; extend the remarks."""
     nearest, size = min(margins(loop).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
     if nearest <= _BAND[1]:
         return dict(figures)
@@ -296,7 +298,12 @@ def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> d
         f"a gain margin lies at {nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which "
         f"flights tell the models: {abs(size):.0f} dB by these alone"
     )
-    return {**figures, "gain_margin": Interval(abs(size), math.nan, math.nan)}
+    return {**figures, "gain_margin": _about(abs(size))}
+
+
+def _about(value: float) -> Interval:
+    """Return a figure whose error nothing tells."""
+    return Interval(value, math.nan, math.nan)
 
 
 def _settings(axis: str, gains: Gains) -> dict[str, float]:
