@@ -20,7 +20,7 @@ import numpy as np
 
 import helisim as hs
 from helisim.handling.predicted import PredictedLoop
-from helisim.study.rotorflight_tune import tune_blackbox
+from helisim.study.rotorflight_tune import Feedback, tune_blackbox
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
@@ -53,7 +53,7 @@ def main(
     law, exact = flights.law_for(flown), Exact(flown)
 
     def figures(own: hs.Rotorflight) -> PredictedLoop:
-        return PredictedLoop.of([exact] * 3, own.linear(exact.period))
+        return PredictedLoop.of([exact] * 3, Feedback(own, exact.period, {}))
 
     today = figures(law)
     for seed in range(1, seeds + 1):

@@ -158,6 +158,20 @@ def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):
         tune_blackbox([str(saved(tmp_path, columns, looptime=""))])
 
 
+def test_logs_of_other_gains_are_not_mixed(log, tmp_path):
+    other = saved(tmp_path, flown(2.0), yawPID="61,70,5,0,0")
+    with pytest.raises(LogError, match=r"flight\.bbl: other gains or filters than in flight\.bbl"):
+        tune_blackbox([str(log), str(other)])
+
+
+def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path):
+    """Rotorflight 4.3 writes P, I and D alone: what F is today isn't known."""
+    path = saved(tmp_path, flown(60.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
+    (yaw,) = tune_blackbox([str(path)]).axes
+    assert yaw.changes
+    assert "yaw_f_gain" not in {one.name for one in yaw.changes}
+
+
 def test_a_plant_of_its_models_is_still_where_nothing_was_told(log):
     plant = Plant(tune_blackbox([str(log)]).fits, period=PERIOD, still=("p", "phi"))
     assert not ClosedLoop(plant, LAW.linear(PERIOD)).reached("rate", "ped")["phi"].response.any()

@@ -15,7 +15,6 @@ from helisim.handling.measured.interval import Interval, intervals
 
 ATTITUDE_DRB = "attitude_DRB"
 """Figure: DRB of a disturbance of the attitude alone, as of an estimate that drifts, rad/s."""
-_FINEST = 1e-3  # s, as if a continuous law ticked so
 _LOWEST, _POINTS = 0.2, 500  # rad/s, and how many up to half of the law's ticks
 
 
@@ -53,8 +52,8 @@ class Ticking(Linear, Protocol):
     """A linear law at ticks that are a `period` apart, s."""
 
     @property
-    def period(self) -> float | None:
-        """Of its ticks, s; None of a continuous one, which has none."""
+    def period(self) -> float:
+        """Of its ticks, s."""
         ...
 
 
@@ -70,7 +69,7 @@ class PredictedLoop(ClosedLoop):
     @classmethod
     def of(cls, plants: Sequence[Linear], law: Ticking) -> Self:
         """Return the loop of the first plant, the likeliest, and of all others as draws."""
-        grid = np.geomspace(_LOWEST, np.pi / (law.period or _FINEST), _POINTS)
+        grid = np.geomspace(_LOWEST, np.pi / law.period, _POINTS)
         first, *others = (ClosedLoop(plant, law, grid) for plant in plants)
         return cls(first.plant, law, grid, tuple(others))
 

@@ -1,13 +1,13 @@
 """Gains of a Rotorflight helicopter from Blackbox logs of ordinary flying: loops today, and better.
 
-What the law does about a steady flight is of each gain by itself, so it is known of all gains by
-that of a few. Its settings and units: design.laws.rotorflight.
+About a steady flight the law's response is linear in each gain, so a few responses tell those of
+all gains. Settings and units: design.laws.rotorflight.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +41,14 @@ from helisim.study.log_tune import (
 
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 _STICKS = ("LAT", "LON", "PED")
-_BAND = (2.0, 45.0)  # rad/s: above what speed does, to where ordinary flying still moves anything
+_BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
 _FITS = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), ("ped",)),
     ("yaw_alone", ("ped",), ("r",), ("lat", "lon")),
 )
+_ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
-_TERMS = ("p", "i", "d", "f")
+_TERMS = "pidfb"  # in the header's order
 _WHYS = {
     "p": "rate held in gusts, until gain margin and noise end it",
     "i": "attitude held, until phase margin and peak end it",
@@ -98,30 +99,26 @@ class Feedback:
         return self.law.linear(self.period)
 
 
-@cache
+@lru_cache(maxsize=64)
 def _response(law: of.Rotorflight, period: float, omega: tuple[float, ...]) -> Complex:
     return law.linear(period).response(np.array(omega))
 
 
-@cache
+@lru_cache(maxsize=64)
 def _slope(
     law: of.Rotorflight, period: float, omega: tuple[float, ...], axis: str, name: str
 ) -> Complex:
-    """Return the response's slope over a setting; it is linear in each."""
-    today = getattr(law, axis)
-    least = replace(today, **{name: 1e-6 if name == "i" else 0.0})
-    most = replace(today, **{name: 1000.0})
-    ends = (_response(replace(law, **{axis: one}), period, omega) for one in (least, most))
-    low, high = ends
-    return (high - low) / 1000.0
+    """Return the response's slope over a setting, in which it is linear."""
+    low, high = (_response(law.replace({f"{axis}.{name}": one}), period, omega) for one in _ENDS)
+    return (high - low) / (_ENDS[1] - _ENDS[0])
 
 
 def law_of_log(log: Blackbox) -> of.Rotorflight:
     """Return the law that flew by a log's header, for commands in rad of blade pitch.
 
-    Without the gyro's filters, behind which the log's gyro is; cutoffs that the header lacks are
-    the firmware's defaults. Raises LogError for another
-    firmware's log, or where the header lacks gains.
+    It has no filters of the gyro, as the log's gyro is behind them. What the header lacks beside
+    gains is the firmware's default. Raises LogError for another firmware's log, and where the
+    header lacks P, I or D.
     """
     header, place = log.header, log.path.name
     if not log.firmware.startswith("Rotorflight") or "mixer[0]" not in log.columns:
@@ -133,7 +130,7 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
 
     axes: dict[str, dict[str, float]] = {}
     for axis in _AXES.values():
-        gains = dict(zip("pidfb", _numbers(log, f"{axis}PID", 3)))
+        gains = dict(zip(_TERMS, _numbers(log, f"{axis}PID", 3)))
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
         axes[axis] = {"range": 1.0, **gains}
         if f"{axis}BW" in header:
@@ -165,6 +162,10 @@ def _numbers(log: Blackbox, name: str, count: int) -> list[float]:
     return found
 
 
+def _opened(path: Path) -> Blackbox:
+    return open_blackbox(path, file_digest(path), None)
+
+
 def command_of(axis: str, name: str) -> float:
     """Return the command, rad, of one of a gain by 1 rad/s (P, F), 1 rad (I) or 1 rad/s^2 (D)."""
     pitch = of.TAIL_PITCH if axis == "yaw" else of.CYCLIC_PITCH
@@ -187,18 +188,26 @@ def tune_blackbox(
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     on_step("models")
-    first = open_blackbox(paths[0], file_digest(paths[0]), None)
+    first = _opened(paths[0])
     law, remarks = law_of_log(first), [one.text for one in first.source.findings]
-    loops = (
-        _numbers(first, "pid_process_denom", 1) if "pid_process_denom" in first.header else [1.0]
-    )
-    period = 1e-6 * _numbers(first, "looptime", 1)[0] * loops[0]
-    if "rollBW" not in first.header:
+    period = 1e-6 * _numbers(first, "looptime", 1)[0]
+    if "pid_process_denom" in first.header:
+        period *= _numbers(first, "pid_process_denom", 1)[0]
+    lacks = [
+        one for one in ("rollBW", "pitchBW", "yawBW", "yaw_stop_gain") if one not in first.header
+    ]
+    if lacks:
         remarks.append(
-            "the header lacks the controller's cutoffs (rollBW, of Rotorflight 4.4 and later): the "
-            "firmware's defaults are taken"
+            f"the header lacks {', '.join(lacks)}, as before Rotorflight 4.4: the firmware's "
+            "defaults are taken"
         )
     records = [record for one in paths for record in read_log(one).records]
+    others = [one for one in paths[1:] if law_of_log(_opened(one)) != law]
+    if others:
+        raise LogError(
+            f"{', '.join(one.name for one in others)}: other gains or filters than in "
+            f"{paths[0].name}: today's loops are of one law; tune each by itself"
+        )
     fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
     if not fits:
         return LogTuning(names, None, remarks=tuple(remarks))
@@ -228,11 +237,12 @@ def tune_blackbox(
         loops = {"today": ClosedLoop(plant, today).broken(axis)}
         shown = _seen(stays[axis], loops["today"], remarks)
         if axis in wrong:
-            shown = {name: _about(found.value) for name, found in shown.items()}
+            shown = {name: _about(figure.value) for name, figure in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
             louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
-            changes = _changes(axis, gains[axis], law, plants)
+            told = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
+            changes = _changes(axis, gains[axis], law, plants, ahead=told)
             loops |= {"predicted": ClosedLoop(plant, better).broken(axis)}
             shown = _seen(tuned[axis], loops["predicted"], remarks)
             one = replace(one, tuned=shown, noise=louder, changes=changes, loops=loops)
@@ -290,7 +300,7 @@ def _models(
 
 
 def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
-    """Return figures, a gain margin beyond the models' band without bounds; extend the remarks."""
+    """Return figures; a gain margin beyond the models' band gets no bounds, and a remark."""
     nearest, size = min(margins(loop).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
     if nearest <= _BAND[1]:
         return dict(figures)
@@ -307,7 +317,7 @@ def _about(value: float) -> Interval:
 
 
 def _settings(axis: str, gains: Gains) -> dict[str, float]:
-    """Return P, I and D of the command line, not rounded; I is of P and the rate that it holds."""
+    """Return P, I and D in the command line's units, not rounded."""
     name = _AXES[axis]
     given = (gains.p, gains.angle * gains.p, gains.d)
     return {term: one / command_of(name, term) for term, one in zip("pid", given)}
@@ -325,16 +335,19 @@ def _whole(axis: str, gains: Gains) -> Gains:
 
 
 def _changes(
-    axis: str, gains: Gains, law: of.Rotorflight, plants: Sequence[Plant]
+    axis: str, gains: Gains, law: of.Rotorflight, plants: Sequence[Plant], *, ahead: bool
 ) -> tuple[Changed, ...]:
-    """Return settings that change, beside the log's own; F where today's is off by its error."""
+    """Return the settings that change.
+
+    F does where the header has it (`ahead`) and the flight tells another by more than its error.
+    """
     name = _AXES[axis]
     today, unit = getattr(law, name), command_of(name, "f")
     settings = {term: round(one) for term, one in _settings(axis, gains).items()}
-    ahead = [holds(plant, axis) / unit for plant in plants]
-    error = 1.96 * float(np.std(ahead[1:]))
-    if 0.0 < ahead[0] < 1000.0 and abs(ahead[0] - today.f) > error:
-        settings["f"] = round(ahead[0])
+    fed, *others = (holds(plant, axis) / unit for plant in plants)
+    error = 1.96 * float(np.std(others))
+    if ahead and 0.0 < fed < 1000.0 and abs(fed - today.f) > error:
+        settings["f"] = round(fed)
     return tuple(
         Changed(
             f"{name}_{term}_gain",
