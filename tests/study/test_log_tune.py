@@ -80,7 +80,15 @@ def test_new_gains_do_what_is_predicted_of_them(tuned):
         assert was > 1.25 * now, one.axis
 
 
-def test_the_command_line_tells_today_and_then_and_writes_the_gains(logs, tmp_path, capsys):
+@pytest.fixture
+def few_draws(monkeypatch):
+    """Of tests that don't look at intervals."""
+    monkeypatch.setattr(log_tune, "DRAWS", 20)
+
+
+def test_the_command_line_tells_today_and_then_and_writes_the_gains(
+    logs, tmp_path, capsys, few_draws
+):
     out, data = tmp_path / "better.param", tmp_path / "found.json"
     tuned, words = tune_log(logs[2]), [str(logs[2]), "--out", str(out), "--json", str(data)]
     assert main(["tune", *words, "--quiet"]) == 0
@@ -98,7 +106,7 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(logs, tmp_pa
     assert not (tmp_path / "b.param").exists()
 
 
-def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path):
+def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path, few_draws):
     """Yaw alone: its modes, sweep, model, loop and gains are on the page."""
     path = Flown().fly(12).save(tmp_path)
     assert main(["report", str(path), "--quiet"]) == 0
@@ -116,7 +124,7 @@ def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path):
     assert "ATC_RAT_YAW_FF" in parm_file(path.with_suffix(".param"))
 
 
-def test_gains_that_are_as_good_already_stay(tmp_path, monkeypatch):
+def test_gains_that_are_as_good_already_stay(tmp_path, monkeypatch, few_draws):
     """The yaw that was tuned, noise apart, flies once more: it can't reject three percent more."""
     monkeypatch.setattr(log_tune, "LOUDER", np.inf)
     new = dict(PARAMETERS)

@@ -15,6 +15,7 @@ from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.predicted import PredictedLoop
 from helisim.logs.blackbox import Blackbox
+from helisim.study import rotorflight_tune
 from helisim.study.rotorflight_tune import Feedback, law_of_log, tune_blackbox
 from rotorflight_flights import header
 
@@ -89,6 +90,11 @@ def log(tmp_path_factory):
     return saved(tmp_path_factory.mktemp("log"), flown(120.0))
 
 
+@pytest.fixture(scope="module")
+def tuned(log):
+    return tune_blackbox([str(log)])
+
+
 def test_the_law_is_the_header_s(log):
     own = law_of_log(Blackbox(log))
     for axis in ("roll", "pitch", "yaw"):
@@ -107,13 +113,12 @@ def test_gains_change_the_law_as_they_do_its_own_file():
     )
 
 
-def test_ordinary_flying_tells_the_loop_and_better_gains(log, tmp_path, capsys):
+def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, capsys):
     """Half an interval more than its own: one figure of twenty lies outside of 95 %.
 
     Predicted margins of the new gains hold with the exact yaw: required ones, 6 dB and 45 degrees.
     """
-    found = tune_blackbox([str(log)])
-    (yaw,) = found.axes
+    (yaw,) = tuned.axes
     loop = PredictedLoop.of([Yaw()] * 3, LAW.linear(PERIOD))
     exact = {name: one.value for name, one in loop.figures("ped").items()}
     for name in ("crossover", "phase_margin", "DRB"):
@@ -164,14 +169,15 @@ def test_logs_of_other_gains_are_not_mixed(log, tmp_path):
         tune_blackbox([str(log), str(other)])
 
 
-def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path):
+def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, monkeypatch):
     """Rotorflight 4.3 writes P, I and D alone: what F is today isn't known."""
+    monkeypatch.setattr(rotorflight_tune, "DRAWS", 20)  # intervals aren't looked at
     path = saved(tmp_path, flown(60.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
     (yaw,) = tune_blackbox([str(path)]).axes
     assert yaw.changes
     assert "yaw_f_gain" not in {one.name for one in yaw.changes}
 
 
-def test_a_plant_of_its_models_is_still_where_nothing_was_told(log):
-    plant = Plant(tune_blackbox([str(log)]).fits, period=PERIOD, still=("p", "phi"))
+def test_a_plant_of_its_models_is_still_where_nothing_was_told(tuned):
+    plant = Plant(tuned.fits, period=PERIOD, still=("p", "phi"))
     assert not ClosedLoop(plant, LAW.linear(PERIOD)).reached("rate", "ped")["phi"].response.any()

@@ -7,14 +7,13 @@ all gains. Settings and units: design.laws.rotorflight.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
-from helisim.base.linear import LinearSystem
 from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
@@ -27,7 +26,7 @@ from helisim.logs.blackbox import Blackbox, open_blackbox
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
-from helisim.records.record import ATTITUDES, RATES, FlightRecord, one_blas_thread
+from helisim.records.record import ATTITUDES, IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.log_tune import (
     DRAWS,
@@ -71,16 +70,8 @@ class Feedback:
     law: of.Rotorflight
     period: float
     gains: Mapping[str, Mapping[str, float]]
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Rates, rad/s, and sticks."""
-        return self._base.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Commands, rad."""
-        return self._base.outputs
+    inputs: tuple[str, ...] = (*RATES, *IN2)
+    outputs: tuple[str, ...] = IN1
 
     def response(self, frequency: Real) -> Complex:
         """Return the response, (4, 7, n_freq), at frequencies, (n_freq,) rad/s."""
@@ -94,14 +85,13 @@ class Feedback:
                     found += by * _slope(self.law, self.period, omega, axis, name)
         return found
 
-    @cached_property
-    def _base(self) -> LinearSystem:
-        return self.law.linear(self.period)
+
+_linear = lru_cache(maxsize=64)(of.Rotorflight.linear)
 
 
 @lru_cache(maxsize=64)
 def _response(law: of.Rotorflight, period: float, omega: tuple[float, ...]) -> Complex:
-    return law.linear(period).response(np.array(omega))
+    return _linear(law, period).response(np.array(omega))
 
 
 @lru_cache(maxsize=64)
