@@ -11,7 +11,7 @@ from helisim.base.errors import InputError
 from helisim.handling.figures import margins as margins_of
 from helisim.handling.figures import rejection as rejection_of
 from helisim.handling.loop import Curve
-from helisim.sitl.gains import _BAND, _SLOWEST, AHEAD, Commanded, Required, _Closed, tune
+from helisim.sitl.gains import _SLOWEST, AHEAD, BAND, Commanded, Required, _Closed, tune
 from helisim.sitl.mixing import Mixer, Outputs, command_scale
 from helisim.sitl.parameters import Setting, swashplate, tail
 from helisim.vehicle.parameters import model_folder
@@ -133,7 +133,7 @@ def test_gains_are_allowed_where_the_closed_loop_is_stable_with_room():
     the other is stable or not. A loop less than 2 % off a bound is neither: crossings are by lines
     over a grid, which begins at 0.2 rad/s.
     """
-    random, s, counts = np.random.default_rng(1), 1j * _BAND, [0, 0]
+    random, s, counts = np.random.default_rng(1), 1j * BAND, [0, 0]
     for _ in range(900):
         a, late, b = random.uniform([-0.5, 0.002, 0.5], [3.0, 0.03, 2.0])
         b = 10.0**b
@@ -144,19 +144,19 @@ def test_gains_are_allowed_where_the_closed_loop_is_stable_with_room():
             closed = np.polymul([1.0, a + b, a * b, 0.0], back)
             roots = np.roots(np.polyadd(closed, k * np.polymul([1.0, z], pade)))
             grow.append(np.count_nonzero(roots.real > 0.0))
-            slow = np.any((roots.real > 0.0) & (np.abs(roots) < 2.0 * _BAND[0]))
+            slow = np.any((roots.real > 0.0) & (np.abs(roots) < 2.0 * BAND[0]))
             nearest.append(0.0 if slow else np.min(np.abs(roots.real) / np.abs(roots)))
         loop, beside = loops
         whole = _Closed(loop[None], loop[None], loop[None], beside, -float(grow[1]))
         if min(nearest) < 0.02:
             continue
         assert whole.growing() == grow[0] - grow[1], (a, b, late)
-        cut = margins_of(Curve(_BAND, loop))
+        cut = margins_of(Curve(BAND, loop))
         near = [abs(size) / AHEAD.gain for _, size in cut.gain]
         near += [abs(angle) / AHEAD.phase for _, angle in cut.phase]
         peak = -20.0 * np.log10(np.abs(1.0 + loop).min())
         above = np.abs(loop) > 1.0
-        sound = np.any(above[_BAND >= _SLOWEST]) and loop[np.flatnonzero(above)[-1]].imag < 0.0
+        sound = np.any(above[BAND >= _SLOWEST]) and loop[np.flatnonzero(above)[-1]].imag < 0.0
         inside = min(*near, AHEAD.peak / max(peak, 1e-3), 2.0 * sound)
         if abs(inside - 1.0) > 0.02 or grow[0]:
             found = bool(whole.keeps(AHEAD)[0])
@@ -171,7 +171,7 @@ def test_gains_that_swing_a_flapping_mode_up_are_not_allowed():
     The loop rises through -180 degrees past the first and falls through it at the second, with more
     than 1 at both: a count of net falls alone is none, whatever the gain.
     """
-    s, hover, flapping = 1j * _BAND, [1.0, -0.4, 1.0], [1.0 / 3600.0, 0.4 / 60.0, 1.0]
+    s, hover, flapping = 1j * BAND, [1.0, -0.4, 1.0], [1.0 / 3600.0, 0.4 / 60.0, 1.0]
     bottom = np.polymul([1.0, 0.0], np.polymul(hover, flapping))
     loops = {k: k * (s + 0.5) ** 2 / np.polyval(bottom, s) for k in (5.0, 15.0, 40.0, 120.0)}
     grow = {

@@ -4,10 +4,10 @@ P, D and the attitude's gain reject disturbances up to the highest frequency, fo
 within the margins of every model.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,18 +31,19 @@ _LATE = {"lat": 0.25e-3, "lon": 0.25e-3, "ped": 0.25e-3 + 1.0 / LOOP_RATE}
 
 # rad/s, at which the feed-forward is read: above the hover's slow modes, below the rotor's.
 _HOLDS = 3.0
-_BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
+BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
 _P = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(1.2, 3.0, 10)])  # In that unit
 _D = np.array([0.0, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
 HELD = np.linspace(1.0, 12.0, 23)  # 1/s, of the attitude, as far as ArduPilot's own range goes
-_CLOSER = ((0.85, 0.95, 1.0, 1.05, 1.15), (0.97, 1.0, 1.03))
-"""Factors of the best gains that are tried after the grid, and after those."""
+_CLOSER = (0.3, 0.2, 0.12, 0.07, 0.04)
+"""Standard deviations of the logarithm of random gains that are tried near the best, in turn."""
+_NEAR = 300  # Of those, how many
 _CORNER = 0.5  # rad/s, of the integral
 _SLOWEST = 2.0  # rad/s, below which no attitude is held
 # Share of an octave of rejection that an octave of noise costs: on the JR700 half an octave more of
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
-_NOISE = 0.25
+_NOISE = (0.25, 0.05)  # The second within a ceiling, up to which noise is allowed
 _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below which less buys little
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
@@ -57,14 +58,17 @@ _SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehic
 class Required(NamedTuple):
     """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB, and most noise.
 
-    The last is the rms of the command over that of white noise of the gyro, of full command by
-    rad/s; `_FAINT` is always allowed.
+    Noise is the rms of the command over that of white noise of the gyro, of full command by rad/s;
+    `_FAINT` is always allowed. `rate` and `attitude` are DRB that are worth the same, rad/s: of
+    disturbances of attitude and rate together, and of attitude alone.
     """
 
     gain: float
     phase: float
     peak: float
     noise: float = np.inf
+    rate: float = 1.0
+    attitude: float = 1.0
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -82,13 +86,14 @@ class NoGains(InputError):
 
 
 class Gains(NamedTuple):
-    """One axis's P, I, D and FF, of full command over SI units, and attitude gain, 1/s."""
+    """One axis's P, I, D and FF, of full command over SI units; attitude gain, 1/s; D's filter."""
 
     p: float
     i: float
     d: float
     ff: float
     angle: float
+    slope_hz: float = FILTER_HZ
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +141,12 @@ class Tuning(NamedTuple):
 def law_of(gains: Mapping[str, Gains], lean: tuple[float, float]) -> ArduCopterLaw:
     """Return ArduCopter's law with some gains, none on other axes, and `settings`' filters."""
     full = {axis: gains.get(axis, Gains(0.0, 0.0, 0.0, 0.0, 0.0)) for axis in COMMANDS}
-    filters = {"d_ff": 0.0, "target_hz": FILTER_HZ, "error_hz": 0.0, "slope_hz": FILTER_HZ}
+    filters = {"d_ff": 0.0, "target_hz": FILTER_HZ, "error_hz": 0.0}
     return ArduCopterLaw(
         {
-            axis: Rates(*one[:4], **filters, most=1.0, least_leak=1.0, leaks=False)
+            axis: Rates(
+                *one[:4], **filters, slope_hz=one.slope_hz, most=1.0, least_leak=1.0, leaks=False
+            )
             for axis, one in full.items()
         },
         {axis: one.angle for axis, one in full.items()},
@@ -171,7 +178,7 @@ def tune(
     axes = tuned_axes(vehicle)
     found = search([plant], law, dict.fromkeys(axes, AHEAD))
     steady = {axis: holds(plant, axis) for axis in axes}
-    return Tuning(found, ClosedLoop(plant, law(found), _BAND), steady)
+    return Tuning(found, ClosedLoop(plant, law(found), BAND), steady)
 
 
 def tuned_axes(plant: Linear) -> list[str]:
@@ -196,7 +203,7 @@ def _own(plant: Linear, axis: str, frequency: Real) -> Complex:
 
 
 class _Known(NamedTuple):
-    """A `Linear` by its responses at `_BAND`, computed once."""
+    """A `Linear` by its responses at `BAND`, computed once."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -204,7 +211,7 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, system: Linear) -> "_Known":
-        return cls(system.inputs, system.outputs, system.response(_BAND))
+        return cls(system.inputs, system.outputs, system.response(BAND))
 
     def response(self, _: Real) -> Complex:
         return self.responses
@@ -215,19 +222,24 @@ def search(
     law: Callable[[Mapping[str, Gains]], Linear],
     required: Mapping[str, Required],
     held: Real = HELD,
+    slopes: Mapping[str, Iterable[float]] | None = None,
 ) -> dict[str, Gains]:
     """Return the gains of each axis that reject most within what is required of every plant.
 
-    The first plant is the likeliest, by which gains are ranked; `law` is that of gains by axis, and
-    `held` are gains of the attitude that are tried, 1/s.
-    Raises NoGains.
+    The first plant is the likeliest, by which gains are ranked; `law` is that of gains by axis.
+    `held` are gains of the attitude that are tried, 1/s, and `slopes` filters of D by axis, Hz,
+    today's first; without any it is `FILTER_HZ`. Raises NoGains.
     """
     known = [_Known.of(one) for one in plants]
     ahead = {axis: max(0.0, holds(plants[0], axis)) for axis in required}
-    found = {axis: Gains(0.0, _CORNER * ff, 0.0, ff, _FIRST) for axis, ff in ahead.items()}
-    for closer in ((), *_CLOSER):
+    tried = {axis: tuple((slopes or {}).get(axis, (FILTER_HZ,))) for axis in required}
+    found = {
+        axis: Gains(0.0, _CORNER * ff, 0.0, ff, _FIRST, tried[axis][0])
+        for axis, ff in ahead.items()
+    }
+    for closer in (None, *_CLOSER):
         for axis, needed in required.items():
-            found[axis] = _best(known, law, axis, found, closer, needed, held)
+            found[axis] = _best(known, law, axis, found, closer, needed, held, tried[axis])
     return found
 
 
@@ -236,29 +248,46 @@ def _best(
     law: Callable[[Mapping[str, Gains]], Linear],
     axis: str,
     now: Mapping[str, Gains],
-    closer: Sequence[float],
+    closer: float | None,
     required: Required,
     held: Real,
+    slopes: tuple[float, ...],
 ) -> Gains:
-    """Return the best gains of one axis of a grid, or by factors `closer` to those of now."""
-    units = [
-        [_Known.of(law({**now, axis: _unit(term, angle)})) for angle in (0.0, 1.0)]
-        for term in range(4)
-    ]
-    own = responses(plants[0], _BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
-    unit = 1.0 / float(np.interp(_TELLS, _BAND, np.abs(own)))
-    grid = np.array(np.meshgrid(_P * unit, _D, held)).reshape(3, -1)
+    """Return the best gains of one axis of a grid, or of random ones as near as `closer` to now."""
+    p, _, d, ff, angle, slope = now[axis]
+    without = Gains(0.0, 0.0, 0.0, 0.0, 0.0, slope)
+    others = _Known.of(law({**now, axis: without}))
+    terms = [without._replace(**{name: 1.0}) for name in ("p", "i", "ff")]
+    terms += [without._replace(d=1.0, slope_hz=hz) for hz in slopes]
+    own_row = others.outputs.index(axis)
+    rows = np.array(
+        [
+            [
+                law({**now, axis: one._replace(angle=by)}).response(BAND)[own_row]
+                for by in (0.0, 1.0)
+            ]
+            for one in terms
+        ]
+    )
+    own = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
+    unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(own)))
+    apart = 2 if len(slopes) > 1 else 1  # as many gains with several filters, D in wider steps
+    grid = np.array(np.meshgrid(_P[::apart] * unit, _D, held[::apart], slopes)).reshape(4, -1)
     grid[1] *= grid[0]
-    p, _, d, ff, angle = now[axis]
 
     def gains_of(tried: Real) -> Real:
-        p, d, angle = tried
-        return np.array([p, _CORNER * (ff + p), d, np.full_like(p, ff), angle])
+        p, d, angle, slope = tried
+        return np.array([p, _CORNER * (ff + p), d, np.full_like(p, ff), angle, slope])
 
-    cuts = [_Cut.of(plant, units, axis, gains_of(grid[:, ::_SOME])) for plant in plants]
-    near = np.array(np.meshgrid(*np.outer((p, d, angle), closer))).reshape(3, -1)
+    some = gains_of(grid[:, ::_SOME])
+    cuts = [_Cut.of(plant, others, rows, axis, some, slopes) for plant in plants]
+    random = np.random.default_rng(1)
+    by = np.exp((closer or 0.0) * random.standard_normal((3, _NEAR)))
+    hertz = np.where(random.random(_NEAR) < 0.5, slope, random.choice(slopes, _NEAR))
+    near = np.vstack([np.array([[p], [d], [angle]]) * by, hertz])
+    near[:, 0] = p, d, angle, slope
     near[2] = np.minimum(near[2], held[-1])
-    for tried in (near, grid):
+    for tried in (grid,) if closer is None else (near, grid):
         gains = gains_of(tried)
         best = _first(cuts, gains, unit, required)
         if best is not None:
@@ -271,16 +300,12 @@ def _best(
     )
 
 
-def _unit(term: int, angle: float) -> Gains:
-    return Gains(*np.eye(5)[term].tolist())._replace(angle=angle)
-
-
 def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
-    """Return which of the gains, (5, n_gains), are the best that will do, None if none will."""
+    """Return which of the gains, (6, n_gains), are the best that will do, None if none will."""
     likely = cuts[0].closed(gains)
     most = min(_LOUD, max(_FAINT, required.noise / unit))
     clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < most))
-    order = clear[np.argsort(-likely.worth(unit)[clear])]
+    order = clear[np.argsort(-likely.worth(unit, required)[clear])]
     for start in range(0, order.size, _EACH):
         left = order[start : start + _EACH]
         for cut in cuts[1:]:
@@ -315,18 +340,18 @@ class _Closed(NamedTuple):
 
     def noise(self, unit: float) -> Real:
         """Return the rms of the command over that of white noise of the gyro, by a unit of P."""
-        left, width = 1.0 / (1.0 + self.loop), np.gradient(_BAND)
-        power = np.sum(np.abs(self.noisy * left / unit) ** 2 * width, axis=1) / np.sum(width)
-        return np.sqrt(power)
+        return np.asarray(passed(self.noisy / (1.0 + self.loop) / unit))
 
-    def worth(self, unit: float) -> Real:
+    def worth(self, unit: float, required: Required) -> Real:
         """Return the rejection of disturbances less what noise costs, (n_gains,), by a unit of P.
 
         Disturbances are of attitude and rate together, and of attitude alone.
         """
         left = 1.0 / (1.0 + self.loop)
-        error = 1.0 / _rejected(left) + 1.0 / _rejected((1.0 + self.by_rate) * left)
-        return -np.log(error) - _NOISE * np.log(_QUIET + self.noise(unit))
+        by_rate = (1.0 + self.by_rate) * left
+        error = np.hypot(required.rate / _rejected(left), required.attitude / _rejected(by_rate))
+        price = _NOISE[bool(required.noise < np.inf)]
+        return -np.log(error) - price * np.log(_QUIET + self.noise(unit))
 
     def keeps(self, required: Required) -> NDArray[np.bool_]:
         """Return which loops are stable with the margins, (n_gains,), as far as gains can be.
@@ -335,7 +360,7 @@ class _Closed(NamedTuple):
         """
         loop = self.loop
         above = np.abs(loop) > 1.0
-        last = _BAND.size - 1 - np.argmax(above[:, ::-1], axis=1)
+        last = BAND.size - 1 - np.argmax(above[:, ::-1], axis=1)
         size = DB_PER_NEPER * np.log(np.maximum(np.abs(loop), _LEAST))
         behind = np.angle(-loop)
         turn = np.diff(behind, axis=1)
@@ -350,11 +375,17 @@ class _Closed(NamedTuple):
         near = (passes & (np.abs(at) < required.gain)) | (ones & (lag < required.phase))
         return (
             (self.growing() <= self.least)
-            & np.any(above[:, _BAND >= _SLOWEST], axis=1)
+            & np.any(above[:, BAND >= _SLOWEST], axis=1)
             & (loop[np.arange(len(loop)), last].imag < 0.0)
             & ~np.any(near, axis=1)
             & (-DB_PER_NEPER * np.log(np.abs(1.0 + loop).min(axis=1)) < required.peak)
         )
+
+
+def passed(response: Complex) -> Any:
+    """Return the rms of what responses, (..., n_freq) at `BAND`, make of white noise, over its."""
+    width = np.gradient(BAND)
+    return np.sqrt(np.sum(np.abs(response) ** 2 * width, axis=-1) / np.sum(width))
 
 
 def _rejected(left: Complex) -> Real:
@@ -364,41 +395,53 @@ def _rejected(left: Complex) -> Real:
     rows, first = np.arange(len(size)), np.argmax(rises, axis=1)
     low, high = size[rows, first], size[rows, first + 1]
     share = np.where(rises[rows, first], -low / np.where(high > low, high - low, 1.0), 0.0)
-    return _BAND[first] * (_BAND[1] / _BAND[0]) ** share
+    return BAND[first] * (BAND[1] / BAND[0]) ** share
 
 
 class _Cut(NamedTuple):
-    """One axis's loop by each unit of P, I, D and FF, (4, n_freq) each: by rate and by angle.
+    """One axis's loop by each unit of P, I, FF and of D by filters `slopes`, (n_term, n_freq) each.
 
-    `beside` and `least` are as of `_Closed`.
+    It is by rate and by angle; `beside` and `least` are as of `_Closed`.
     """
 
     by_rate: Complex
     by_angle: Complex
     noisy: Complex  # The command over the gyro's noise
+    slopes: tuple[float, ...]
     beside: Complex
     least: float = 0.0
 
     @classmethod
-    def of(cls, plant: _Known, units: Sequence[Sequence[_Known]], axis: str, some: Real) -> "_Cut":
-        """Return it by laws with a unit of each term, without and with the attitude's gain.
+    def of(
+        cls,
+        plant: _Known,
+        others: _Known,
+        rows: Complex,
+        axis: str,
+        some: Real,
+        slopes: tuple[float, ...],
+    ) -> "_Cut":
+        """Return it by a law without this axis, and what the command has of all that is sensed.
 
-        The stablest of `some` gains, (5, n_gains), tell which are stable.
+        `rows`, (n_term, 2, n_sensed, n_freq), are for a unit of each term, without and with the
+        attitude's gain. The stablest of `some` gains, (6, n_gains), tell which are stable.
         """
-        rows = []
-        for one, turned in units:
-            by_rate, both = (
-                ClosedLoop(plant, each, _BAND).broken(axis).response for each in (one, turned)
-            )
-            sensed = one.inputs.index(axis_of(axis).rate or "")
-            rows.append((by_rate, both - by_rate, one.responses[one.outputs.index(axis), sensed]))
-        found = cls(*map(np.array, zip(*rows)), beside=np.zeros(_BAND.size, complex))
+        moved = ClosedLoop(plant, others, BAND).reached("actuators", axis)
+        seen = [name for name in others.inputs if name in plant.outputs]
+        known = rows[:, :, [others.inputs.index(name) for name in seen]]
+        by_rate, both = np.einsum(
+            "tasf,sf->atf", known, -np.array([moved[name].response for name in seen])
+        )
+        noisy = rows[:, 0, others.inputs.index(axis_of(axis).rate or "")]
+        found = cls(by_rate, both - by_rate, noisy, slopes, beside=np.zeros(BAND.size, complex))
         found = found._replace(beside=found.closed(some[:, :1]).loop[0])
         return found._replace(least=float(found.closed(some).growing().min()))
 
     def closed(self, gains: Real) -> _Closed:
-        """Return the loops of gains, (5, n_gains)."""
-        terms, angle = gains[:4].T, gains[4][:, None]
+        """Return the loops of gains, (6, n_gains)."""
+        p, i, d, ff, angle, slope = gains
+        terms = np.array([p, i, ff, *(d * (slope == one) for one in self.slopes)]).T
+        angle = angle[:, None]
         by_rate = terms @ self.by_rate
         loop = by_rate + angle * (terms @ self.by_angle)
         return _Closed(loop, by_rate, terms @ self.noisy, self.beside, self.least)

@@ -32,7 +32,18 @@ from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
 from helisim.records.record import ATTITUDES, RATES, one_blas_thread
-from helisim.sitl.gains import HELD, STANDARD, Gains, NoGains, Required, holds, search, tuned_axes
+from helisim.sitl.gains import (
+    BAND,
+    HELD,
+    STANDARD,
+    Gains,
+    NoGains,
+    Required,
+    holds,
+    passed,
+    search,
+    tuned_axes,
+)
 from helisim.sitl.parameters import AutopilotParameters, Setting
 from helisim.sitl.pilot import MODES
 
@@ -41,10 +52,11 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 DRAWS = 200  # models that fit as well as the identified one, of which intervals are made
 _SEARCHED = 40  # of them, that every tried gain must satisfy
 _TRIES = 4  # searches, each with more margin where the last one's intervals had too little
-_BEYOND = 1.1  # by which a search asks for more than its last one lacked
-_NOISY = np.linspace(1.0, 1250.0, 500)  # rad/s, to half of 400 Hz
-_WORTH = 1.03  # ratio of 1 / DRB, of both kinds, below which today's gains stay
-LOUDER = 1.5  # most noise of the command, of that of today's gains
+_BEYOND = 1.1  # by which a search asks for more than its last one lacked, and besides
+_MORE = (0.1, math.radians(0.5), 0.05)  # dB, rad, dB: more than rounded gains lose
+_WORTH = 1.03  # ratio of what disturbances leave, below which today's gains stay
+LOUDER = 1.49  # most noise of the command, of that of today's gains: rounding leaves it below 1.5
+_SLOPES = (6.0, 10.0)  # Hz, filters of D that are tried
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -65,6 +77,7 @@ _WHYS = {
     "I": "half a radian a second of FF + P: takes out what stays",
     "D": "gives back phase that P takes, and passes noise on",
     "FF": "the command that holds 1 rad/s",
+    "FLTD": "D's filter, Hz: the lower, the less noise, for which P and D may be more",
 }
 _NOTCH = {
     "ENABLE": "restart after this, and load the file again: without it the others are hidden",
@@ -76,7 +89,7 @@ _NOTCH = {
     "HMNCS": "bits of the multiples whose tones move the servos: 1, 2, 4, 8 for 1 to 4",
     "OPTS": "single notches",
 }
-_FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff"}
+_FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff", "FLTD": "slope_hz"}
 
 
 @dataclass(frozen=True)
@@ -249,8 +262,16 @@ def tune_log(
         for axis in axes
         if axis not in wrong
     }
-    asked = {axis: required._replace(noise=LOUDER * noise[axis]) for axis in stays}
-    gains, tuned, none = searched(plants, with_gains, stays, asked)
+    asked = {
+        axis: required._replace(
+            noise=LOUDER * noise[axis],
+            rate=one["DRB"].value,
+            attitude=one[ATTITUDE_DRB].value,
+        )
+        for axis, one in stays.items()
+    }
+    slopes = {axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes}
+    gains, tuned, none = searched(plants, with_gains, stays, asked, slopes=slopes)
     none |= wrong
     better = with_gains(gains)
     new, found = PredictedLoop.of(plants[:1], better), []
@@ -414,8 +435,7 @@ def _put_right(
 
 def noise_of(plant: Linear, law: Linear, axis: str) -> float:
     """Return the rms of an axis's command over that of white noise of its gyro."""
-    moved = ClosedLoop(plant, law, _NOISY).reached("rate", axis)[axis]
-    return math.sqrt(float(np.mean(np.abs(moved.response) ** 2)))
+    return float(passed(ClosedLoop(plant, law, BAND).reached("rate", axis)[axis].response))
 
 
 def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
@@ -450,6 +470,7 @@ def searched(
     *,
     rounded: Callable[[str, Gains], Gains] = _four_digits,
     held: Real = HELD,
+    slopes: Mapping[str, Iterable[float]] | None = None,
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
     """Return gains by axis, their figures, and why other axes have none.
 
@@ -461,11 +482,11 @@ def searched(
     tries, asked = Counter[str](), dict(required)
     while asked:
         try:
-            gains = search(plants[: _SEARCHED + 1], law, asked, held)
+            gains = search(plants[: _SEARCHED + 1], law, asked, held, slopes)
         except NoGains as error:
             none[error.axis] = str(error)
             with suppress(NoGains):  # of the likeliest model there are some
-                search(plants[:1], law, {error.axis: asked.pop(error.axis)}, held)
+                search(plants[:1], law, {error.axis: asked.pop(error.axis)}, held, slopes)
                 none[error.axis] = _UNKNOWN
             continue
         gains = {axis: rounded(axis, one) for axis, one in gains.items()}
@@ -477,34 +498,40 @@ def searched(
             for axis in gains
             if axis not in short
             and not any(lacks(stays[axis], required[axis]))
-            and _error(stays[axis]) < _WORTH * _error(tuned[axis])
+            and _error(stays[axis], asked[axis]) < _WORTH * _error(tuned[axis], asked[axis])
         ]
         if not short and not dull:
             return gains, tuned, none
         for axis, by in short.items():
             tries[axis] += 1
-            more = np.array(asked[axis]) + _BEYOND * np.array(by) * (1.0, 1.0, -1.0, 0.0)
-            asked[axis] = Required(*more.tolist())
+            one, lacking = asked[axis], np.array(by)
+            gain, phase, peak = np.where(lacking > 0.0, _BEYOND * lacking + _MORE, 0.0).tolist()
+            asked[axis] = one._replace(
+                gain=one.gain + gain, phase=one.phase + phase, peak=one.peak - peak
+            )
         lost = [axis for axis in short if tries[axis] == _TRIES]
         none |= dict.fromkeys(dull, _AS_GOOD) | dict.fromkeys(lost, _UNKNOWN)
         asked = {axis: one for axis, one in asked.items() if axis not in none}
     return {}, {}, none
 
 
-def _error(figures: Mapping[str, Interval]) -> float:
-    """Return what disturbances leave, s: the sum of 1 / DRB of both kinds."""
-    return sum(1.0 / figures[name].value for name in ("DRB", ATTITUDE_DRB) if name in figures)
+def _error(figures: Mapping[str, Interval], required: Required) -> float:
+    """Return what disturbances of both kinds leave, each by the DRB that is worth the same."""
+    worth = {"DRB": required.rate, ATTITUDE_DRB: required.attitude}
+    return math.hypot(
+        *(one / figures[name].value for name, one in worth.items() if name in figures)
+    )
 
 
-def lacks(figures: Mapping[str, Interval], required: Required) -> Required:
-    """Return by how much the worst ends of intervals miss what is required, 0 where they don't."""
+def lacks(figures: Mapping[str, Interval], required: Required) -> tuple[float, ...]:
+    """Return by how much the worst ends of gain margin, phase margin and peak miss the required."""
     gain, phase, peak = (figures[name] for name in ("gain_margin", "phase_margin", "DRP"))
     short = (
         required.gain - gain.low,
         required.phase - np.radians(phase.low),
         peak.high - required.peak,
     )
-    return Required(*(max(0.0, float(one)) for one in short), noise=0.0)
+    return tuple(max(0.0, float(one)) for one in short)
 
 
 def _changed(
@@ -516,5 +543,6 @@ def _changed(
     for name, value in _named(axis, gains).items():
         short = "ANG" if "_ANG_" in name else name.split("_")[-1]
         within = error if short == "FF" else None
-        found.append(Changed(name, own[name], value, _WHYS[short], within))
+        if short != "FLTD" or value != own[name]:
+            found.append(Changed(name, own[name], value, _WHYS[short], within))
     return tuple(found)
