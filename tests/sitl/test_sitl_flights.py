@@ -5,6 +5,7 @@ import signal
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,8 +27,9 @@ from helisim.sitl.session import fly_script, script_of
 from helisim.sitl.systemid import sweeps
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
-from script import SCRIPTS, loaded
+from script import loaded
 
+DOCS = Path(__file__).parents[2] / "docs"
 FAKE = """#!{python}
 import os, socket, struct, sys
 os.makedirs("logs", exist_ok=True)
@@ -232,9 +234,11 @@ def test_sweeps_have_ardupilots_numbers_and_own_scripts_are_generators_called_fl
 
 @pytest.mark.slow
 def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, capsys):
-    """The shipped example, by the real autopilot: off the ground and back; its log is whole."""
-    record, log = tmp_path / "flight.parquet", tmp_path / "flight.bin"
-    script = [SCRIPTS / "own_flight.py", "--log", log, "--record", record]
+    """The page's example, by the real autopilot: off the ground and back; its log is whole."""
+    record, log, own = (tmp_path / name for name in ("flight.parquet", "flight.bin", "own.py"))
+    page = (DOCS / "extend" / "sitl_flight.md").read_text(encoding="utf-8")
+    own.write_text(re.search(r"<!-- file: .*\n```python\n([^`]+)```", page)[1])
+    script = [own, "--log", log, "--record", record]
     done = main(["sitl", "--ardupilot", str(ardupilot), "--script", *map(str, script)])
     printed = capsys.readouterr()
     assert done == 0, printed.err
