@@ -44,30 +44,9 @@ def test_a_controller_of_ones_own_flies(run):
     assert printed.count("the same flight: True") == 2
 
 
-@pytest.mark.slow
-def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
-    printed = run("own_vehicle.py", "myheli", 2)
-    assert "myheli: All is well." in printed
-    assert "tip speed               125.7 m/s" in printed
-    assert (tmp_path / "myheli" / "README.md").is_file()
-    found = [line.replace(",", "").split() for line in printed.splitlines() if "truth:" in line]
-    for _, _, truth, _, identified in found:
-        # three standard errors of N_r from two flights, of 1.7 % each
-        assert float(identified) == pytest.approx(float(truth), rel=0.052)
-    assert len(found) == 2
-
-
 def test_an_agent_of_a_few_lines_flies(run):
     printed = run("fly_in_gymnasium.py", 4)
     assert "heading_error_sine" in printed
     score, lost = re.search(r"mean return (\d+) of 500, (\d+) lost", printed).groups()
     assert int(score) > 150  # of the still sticks: some 60
     assert int(lost) == 0
-
-
-@pytest.mark.study
-def test_a_program_flies_by_hand(run, tmp_path):
-    printed = run("fly_by_hand.py", "hand.parquet")
-    assert "hand.parquet, 90.0 s, flown with a program" in printed
-    assert float(printed.split("r / PED: ")[1].split()[0]) > 0.9
-    assert "landed: upright" in printed

@@ -16,7 +16,7 @@ of the truth, beside their scatter over the replicates.
     python scripts/proof/campaign_study.py rk4 euler
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import common
@@ -66,33 +66,28 @@ def summed(rows: Sequence[Row], *by: str) -> Lines:
     return lines
 
 
-def show(heads: Sequence[str], lines: Lines, width: int, cell: Callable[[Summary], str]) -> None:
-    first, *rest = heads
-    columns = [f"{first}:<24", *(f"{one}:{width}" for one in rest)]
-    common.table("|".join(columns), ([name, *map(cell, line)] for name, line in lines.items()))
-
-
 def verdict(rows: Sequence[Row]) -> None:
     """Print the coverage at each number and length of sweeps, and which fall below `HELD`."""
     lines = summed(rows, "flights", LENGTH)
     flown = [f"{n} x {s:g} s" for n, s in sorted({(r["flights"], r[LENGTH]) for r in rows})]
     for head, width, cell in (
-        ("bias +- scatter, stated", 26, lambda one: f"{scattered(one)}{100 * one.stated:8.2f}"),
+        ("bias +- scatter, stated", 26, scattered),
         ("% in 95 %, of sweeps", 12, lambda one: f"{100 * held(one):.0f}"),
     ):
         print()
-        show([head, *flown], lines, width, cell)
+        columns = [f"{head}:<24", *(f"{one}:{width}" for one in flown)]
+        common.table("|".join(columns), ([name, *map(cell, line)] for name, line in lines.items()))
     for k, what in enumerate(flown):
         low = [name for name, line in lines.items() if not held(line[k]) >= HELD]
         print(f"{what}: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
 
 
+def scattered(one: Summary) -> str:
+    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}{100 * one.stated:8.2f}"
+
+
 def held(one: Summary) -> float:
     return one.covered * one.count / (one.count + one.failed)  # no estimate holds no truth
-
-
-def scattered(one: Summary) -> str:
-    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
 
 
 def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, str], float]) -> None:
