@@ -160,18 +160,18 @@ def tried(one: Mapping[str, Any], row: Row) -> Row:
 
 def verdict(row: Row) -> str:
     if row.close:
-        return ""
+        return "" if abs(row.off) <= CLOSE else "."
     for one in EXPLANATIONS:
         names = one.get("names") or one["rows"]
         if row.source in one["sources"] and row.name in names and tried(one, row).close:
             return one["letter"]
     other = rows(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
     if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
-        return APART
+        return "="  # the prints are apart
     if row.source == THESIS and row.knots > max(BOOK):
         book, thesis = (rows(source).get((row.name, 60)) for source in (PADFIELD, THESIS))
         if book and thesis and abs(book.off) <= CLOSE < abs(thesis.printed / book.printed - 1.0):
-            return LIKE_60
+            return "~"
     return "?"
 
 
@@ -180,7 +180,6 @@ def unexplained() -> list[Row]:
     return [row for row in every if verdict(row) == "?"]
 
 
-APART, LIKE_60 = "=", "~"
 _WORDS = read_toml(Path(__file__).with_suffix(".toml"))
 EXPLANATIONS = _WORDS["explanation"]
 
@@ -194,12 +193,8 @@ def table(source: str) -> None:
         scale, unit = (float(np.degrees(1.0)), ", deg") if name in ANGLES else (1.0, "")
         for head, of in (f"{name + unit:<12}    ", "printed"), (f"{'':<9}model: ", "found"):
             print(head + "".join(f"{scale * getattr(row, of):>9.4g} " for row in own))
-        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{_sign(row):1}" for row in own))
+        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{verdict(row):1}" for row in own))
     print()
-
-
-def _sign(row: Row) -> str:
-    return "." if row.close and abs(row.off) > CLOSE else verdict(row)
 
 
 def _percent(row: Row) -> str:
