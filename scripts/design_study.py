@@ -91,18 +91,11 @@ def errors(run: DesignRun) -> Iterator[Error]:
         rated = [(share, row.spec.criterion.rate(loop).figures) for share, loop in air]
         over = {name: sum(share * of[name] for share, of in rated) for name in rated[0][1]}
         for name, one in row.figures.items():
-            exact, predicted, flown = (
-                math.nan if one[who] is None else one[who]
-                for who in ("exact", "predicted", "flown")
-            )
+            known = {who: math.nan if value is None else value for who, value in one.items()}
             if name in BARS:
-                yield Error(
-                    row.spec.criterion.axis,
-                    name,
-                    exact,
-                    off(name, predicted, exact),
-                    off(name, flown, over[name]),
-                )
+                exact, predicted, flown = (known[who] for who in ("exact", "predicted", "flown"))
+                errors = off(name, predicted, exact), off(name, flown, over[name])
+                yield Error(row.spec.criterion.axis, name, exact, *errors)
 
 
 def off(figure: str, value: float, exact: float) -> float:

@@ -104,8 +104,7 @@ def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tu
             within.append((off <= one.cramer_rao, errors <= 2.0))
             worst = max(worst, errors)
     inside, near = map(sum, zip(*within))
-    told = figures(target)
-    seen = [(loops[key].value, one) for key, one in told.items() if key in loops]
+    seen = [(loops[key].value, one) for key, one in figures(target).items() if key in loops]
     held = sum(one.low <= value <= one.high for value, one in seen)
     text = (
         f"{inside} of {len(within)} inside their bounds, {near} within two errors, the worst at "
