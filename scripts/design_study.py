@@ -94,8 +94,8 @@ def errors(run: DesignRun) -> Iterator[Error]:
             known = {who: math.nan if value is None else value for who, value in one.items()}
             if name in BARS:
                 exact, predicted, flown = (known[who] for who in ("exact", "predicted", "flown"))
-                errors = off(name, predicted, exact), off(name, flown, over[name])
-                yield Error(row.spec.criterion.axis, name, exact, *errors)
+                apart = off(name, predicted, exact), off(name, flown, over[name])
+                yield Error(row.spec.criterion.axis, name, exact, *apart)
 
 
 def off(figure: str, value: float, exact: float) -> float:

@@ -141,19 +141,17 @@ def signature(value: Any) -> str:
 
 
 def public(module: Any) -> list[str]:
-    """Return a module's own names, or those of helisim that it imports."""
-    return [
-        name
-        for name, value in vars(module).items()
-        if name[0] != "_" and str(getattr(value, "__module__", "")).startswith("helisim")
-    ]
+    """Return the names that a module lists, or else those of helisim that it has."""
+    own = {name: str(getattr(one, "__module__", "")) for name, one in vars(module).items()}
+    found = [name for name, home in own.items() if name[0] != "_" and home.startswith("helisim")]
+    return getattr(module, "__all__", found)
 
 
 def names() -> dict[str, Case]:
     cases: dict[str, Case] = {"__all__": lambda: sorted(hs.__all__)}
     spaces = {"": hs, "gym.": gym, **{f"{n}.": getattr(hs, n) for n in _MODULES}}
     for space, module in spaces.items():
-        listed = getattr(module, "__all__", None) or public(module)
+        listed = public(module)
         if space:
             cases[space + "__all__"] = lambda listed=listed: sorted(listed)
         for name in listed:

@@ -29,6 +29,7 @@ from helisim.vehicle.parameters import model_folder
 AXES = {"lat": "Roll", "lon": "Pitch", "ped": "Yaw"}
 BARS = {"gain_margin": 0.5, "phase_margin": 3.0, "DRP": 0.5}  # dB, degrees, dB
 RATIO, BETTER, LESS = 0.05, 1.25, 0.75
+_SWEEPS = ("--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw")
 _HOVER = """
 def fly(pilot):
     yield from pilot.take_off(10.0)
@@ -48,11 +49,6 @@ def flown(folder: Path, name: str, vehicle: str, parameters: str, *how: str) -> 
         if command([*words, *how]):
             sys.exit(f"{name} was not flown to its end")
     return log
-
-
-def swept(folder: Path, name: str, vehicle: str, parameters: str) -> Path:
-    sweeps = ["--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw"]
-    return flown(folder, name, vehicle, parameters, *sweeps)
 
 
 def error_in_gusts(log: Path) -> dict[str, float]:
@@ -94,13 +90,13 @@ def main(
     folder.mkdir(parents=True, exist_ok=True)
     given = Path(start) if start else model_folder(vehicle) / f"{vehicle}.parm"
     before = given.read_text(encoding="utf-8")
-    found = tune_log(swept(folder, "before", vehicle, before))
+    found = tune_log(flown(folder, "before", vehicle, before, *_SWEEPS))
     new = f"{before}\n{found.parameters.text}"
-    missed = predicted(found, swept(folder, "new", vehicle, new))
+    missed = predicted(found, flown(folder, "new", vehicle, new, *_SWEEPS))
     rival, today = before, found
     if opponent:
         rival = f"{before}\n{Path(opponent).read_text(encoding='utf-8')}"
-        today = tune_log(swept(folder, "opponent", vehicle, rival))
+        today = tune_log(flown(folder, "opponent", vehicle, rival, *_SWEEPS))
     rows = []
     for one, other in zip(found.axes, today.axes):
         missed += [] if one.tuned else [f"{one.axis}: {one.why}"]
