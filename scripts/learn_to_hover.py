@@ -12,6 +12,7 @@ from 2.5 m (`servos.webp`). It needs `pip install stable-baselines3`; without a 
 
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -74,9 +75,8 @@ def filmed(policy: PPO, path: Path) -> None:
         if frame % 3 == 0:
             pictures.append(Image.fromarray(env.render()))
     env.close()
-    pictures[0].save(
-        path, save_all=True, append_images=pictures[1:], duration=60, loop=0, quality=50
-    )
+    first, *rest = pictures
+    first.save(path, save_all=True, append_images=rest, duration=60, loop=0, quality=50)
 
 
 def main(minutes: float = 5.0, folder: str = "hover") -> None:
@@ -95,10 +95,8 @@ def main(minutes: float = 5.0, folder: str = "hover") -> None:
         for k in np.linspace(0, len(frames) - 1, min(8, len(frames)), dtype=int):
             print(f"{frames[k]:12,.0f}{score[k]:10.1f}{0.02 * length[k]:12.2f}")
         axes.plot(frames / 1e6, score, label=f"by the {action}")
-        agents[f"{action}, PPO"] = (
-            action,
-            lambda seen, one=policy: one.predict(seen, None, None, True)[0],
-        )
+        act = partial(policy.predict, deterministic=True)
+        agents[f"{action}, PPO"] = (action, lambda seen, act=act: act(seen)[0])
     axes.set(xlabel="million frames of 20 ms", ylabel="return of an episode, of 500", ylim=(0, 500))
     axes.legend()
     figure.savefig(path / "curve.png", dpi=120)

@@ -28,6 +28,7 @@ What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs s
 exit status is 1 if a bar is missed, or a figure was not measured.
 """
 
+import math
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -66,11 +67,16 @@ from helisim.vehicle import Vehicle
 JR700, HELI, LOOPS = "jr700", "heli", "loops"
 BARS = {JR700: 2.0, HELI: 3.0, "heli-blade360": 3.0}
 """Whose log -> largest median error, percent."""
-LARGEST = 3.0  # Percent: largest error of a derivative of the JR700.
+LARGEST = {JR700: 3.0}
+"""Whose log -> largest error of any derivative, percent."""
 INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
 DECIBEL, DEGREES = 0.5, 3.0  # The bars of loops.
 _JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
 _FINE = 2000
+FLIGHTS = {
+    JR700: "--script sysid --axes roll,pitch,yaw,thrust --set drive.governor=ideal",
+    LOOPS: "--script sysid,stop_hz=24 --axes roll,pitch,yaw",
+}
 SOURCES = read_toml(Path(__file__).with_suffix(".toml"))
 """Coefficients of ArduPilot's own helicopters, as its source has them."""
 OUTPUTS = (*RATES, *ATTITUDES)
@@ -232,19 +238,16 @@ def judged(whose: str, log: Path) -> list[str]:
         ),
     )  # fmt: skip
     errors = [abs(one.error) for one in found]
-    error, largest = median(errors), max(errors)
+    error, largest, most = median(errors), max(errors), LARGEST.get(whose, math.inf)
     inside = 100.0 * sum(one.inside for one in found) / len(found)
     near = sum(abs(one.value - one.truth) <= 2.0 * one.deviation for one in found)
-    print(
-        f"median error {error:.2f} % (bar {BARS[whose]:g}), largest {largest:.2f} %; inside their "
-        f"bounds {inside:.0f} % (bar {INSIDE:g}); within two standard errors {near} of {len(found)}"
-    )
-    bars = (
-        (error - BARS[whose], f"median error {error:.2f} %", BARS[whose]),
-        (largest - LARGEST if whose == JR700 else 0.0, f"largest error {largest:.2f} %", LARGEST),
-        (INSIDE - inside, f"{inside:.0f} % inside their bounds", INSIDE),
-    )
-    return [f"{whose}: {what}, bar {bar:g} %" for over, what, bar in bars if over > 0.0]
+    bars = {
+        f"median error {error:.2f} % (bar {BARS[whose]:g})": error > BARS[whose],
+        f"largest {largest:.2f} % (bar {most:g})": largest > most,
+        f"inside their bounds {inside:.0f} % (bar {INSIDE:g})": inside < INSIDE,
+    }
+    print(f"{', '.join(bars)}; within two standard errors {near} of {len(found)}")
+    return [f"{whose}: {what}" for what, missed in bars.items() if missed]
 
 
 class Figure(NamedTuple):
@@ -337,18 +340,7 @@ def flown(whose: str, log: Path) -> Path:
     print(f"{whose} is flown", flush=True)
     if whose == HELI:
         heli_flights.main(str(log), whose)
-        return log
-    words = [
-        "--script",
-        "sysid",
-        "--axes",
-        "roll,pitch,yaw,thrust",
-        "--set",
-        "drive.governor=ideal",
-    ]
-    if whose == LOOPS:
-        words = ["--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw"]
-    if command(["sitl", "--vehicle", JR700, *words, "--log", str(log)]):
+    elif command(["sitl", "--vehicle", JR700, *FLIGHTS[whose].split(), "--log", str(log)]):
         sys.exit(f"{whose} was not flown to its end")
     return log
 
@@ -365,14 +357,14 @@ def main(
     if fly:
         folder = Path(fly)
         folder.mkdir(parents=True, exist_ok=True)
-        made = [[flown(one, folder / f"{one}.bin")] for one in (JR700, HELI, LOOPS)]
-        jr700, heli, loops = ([*a, *b] for a, b in zip((jr700, heli, loops), made))
+        given = {JR700: jr700, HELI: heli, LOOPS: loops}
+        jr700, heli, loops = ([*a, flown(one, folder / f"{one}.bin")] for one, a in given.items())
     if not any((jr700, heli, heli_blade360, loops, heli_loops)):
         sys.exit("no log is named, and nothing is to be flown")
     logs = zip(BARS, (jr700, heli, heli_blade360))
     missed = [bar for whose, some in logs for log in some for bar in judged(whose, log)]
-    for own, some in enumerate((loops, heli_loops)):
-        missed += [bar for log in some for bar in judged_loops(log, own=bool(own))]
+    for own, some in (False, loops), (True, heli_loops):
+        missed += [bar for log in some for bar in judged_loops(log, own=own)]
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 

@@ -20,18 +20,6 @@ from pathlib import Path
 import numpy as np
 
 
-class Clock:
-    """Sums up wall and processor seconds by part, each since the one before."""
-
-    def __init__(self) -> None:
-        self.parts: dict[str, np.ndarray] = {}
-        self._last = now()
-
-    def __call__(self, part: str) -> None:
-        last, self._last = self._last, now()
-        self.parts[part] = self.parts.get(part, 0.0) + self._last - last
-
-
 def now(who: int = resource.RUSAGE_SELF) -> np.ndarray:
     used = resource.getrusage(who)
     return np.array([time.perf_counter(), used.ru_utime + used.ru_stime])
@@ -59,7 +47,14 @@ def main(flights: int = 10) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for state in ("cold", "warm"):
             show(f"helisim reproduce, {state}", whole_command(folder, flights))
-    clock = Clock()
+    parts: dict[str, np.ndarray] = {}
+    last = now()
+
+    def clock(part: str) -> None:
+        nonlocal last
+        begun, last = last, now()
+        parts[part] = parts.get(part, 0.0) + last - begun
+
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
         from helisim.physics import native
@@ -89,7 +84,7 @@ def main(flights: int = 10) -> None:
     count = sum(map(len, run.flights.values()))
     print(f"\nthe experiment with a recording, {count} flights kept, cold, part by part:")
     print(f"{'':<42}{head}")
-    for part, spent in (*clock.parts.items(), ("all", sum(clock.parts.values()))):
+    for part, spent in (*parts.items(), ("all", sum(parts.values()))):
         show(part, spent)
     found = {table.name: table for table in run.results.tables}
     alone = now()

@@ -8,29 +8,15 @@ by their times. Columns that a decoder computes are left out, and so is loopIter
 one counts by frames instead of by the header's P interval.
 """
 
-import csv
 import re
-import sys
 from pathlib import Path
 
+import common
 import numpy as np
 
 from helisim.logs.blackbox import Blackbox
 
 NAME = re.compile(r"(?P<stem>.+?)(\.(?P<number>\d\d))?\.csv")
-
-
-def reference(path: Path) -> dict[str, np.ndarray]:
-    """Return the columns of a decoder's table that are numbers."""
-    with path.open(newline="") as file:
-        names, *rows = csv.reader(file)
-    found = {}
-    for name, column in zip(names, zip(*rows)):
-        try:
-            found[name.partition(" (")[0].strip()] = np.array(column, np.float64)
-        except ValueError:
-            continue  # flags as words
-    return found
 
 
 def compared(log: Blackbox, other: dict[str, np.ndarray]) -> str:
@@ -50,13 +36,13 @@ def compared(log: Blackbox, other: dict[str, np.ndarray]) -> str:
     )
 
 
-def main(folder: Path, tables: list[Path]) -> None:
+def main(folder: Path, *tables: Path) -> None:
     """Print a line for each table."""
     for path in tables:
         name = NAME.fullmatch(path.name)
         if name is None or path.name.endswith(".gps.csv"):
             continue
-        other = reference(path)
+        other = common.decoded(path)
         if "time" not in other:
             print(f"{path.name}: no frame")
             continue
@@ -65,4 +51,4 @@ def main(folder: Path, tables: list[Path]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), [Path(one) for one in sys.argv[2:]])
+    common.run(main)

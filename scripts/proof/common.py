@@ -1,13 +1,15 @@
 """What proofs share: a command line of main's arguments, tables; truths, records, fits."""
 
 import argparse
+import csv
 import inspect
 import re
 import sys
 import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NoReturn, get_args
 
 import numpy as np
@@ -97,6 +99,17 @@ def truths(path: Any, kind: type) -> dict[str, Any]:
         else:
             structure = structures.named(how) if isinstance(how, str) else Structure.from_dict(how)
         found[name] = kind(structure, **table)
+    return found
+
+
+def decoded(path: str | Path) -> dict[str, np.ndarray]:
+    """Return the columns of blackbox_decode's table that are numbers, without their units."""
+    with open(path, encoding="utf-8", newline="") as file:
+        names, *rows = csv.reader(file, skipinitialspace=True)
+    found = {}
+    for name, column in zip(names, zip(*rows)):
+        with suppress(ValueError):  # flags as words
+            found[name.partition(" (")[0].strip()] = np.array(column, np.float64)
     return found
 
 

@@ -42,6 +42,7 @@ from helisim.ident import Fit, FrequencyResponse, Structure, identify, structure
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import linear, response
 from helisim.ident.search import Start, descend
+from helisim.study.paper import published
 
 POINTS, NOISE = 100, 0.01
 ERRORS = 5.0
@@ -53,10 +54,6 @@ BAND, ROTOR_BAND = (0.1, 10.0), (1.5, 40.0)
 _TRANSFER = ("0/1", "1/2", "0/3", "2/3", "2/4", "3/4", "4/6")
 CASES = (("1/2", 0.28), ("rollpitch", 0.28))
 CASES += tuple((name, 0.5) for name in (*_TRANSFER, "rollpitch", *FLEET))
-_NAMES = "tau_f L_b M_a A_b B_a A_lat A_lon B_lat B_lon tau_lat tau_lon"
-_VALUES = (0.04456, 539.5, 315.1, -0.3514, 0.5340, 0.06571, 0.3697, 0.3778, -0.06070, 0.0, 0.0)
-ROLLPITCH = dict(zip(_NAMES.split(), _VALUES))
-"""Wu and Chen, Table 3, [IN1 OUT], delays apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +167,8 @@ def transfer_case(name: str, delay: float, seed: int, _flipped: float) -> Case:
 def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
     random = np.random.default_rng([99, seed])
     structure, delays = structures.rollpitch, ("tau_lat", "tau_lon")
-    truth = {name: ROLLPITCH[name] * np.exp(0.3 * random.normal()) for name in structure.names}
+    paper = published("jr700")["rollpitch_in1"]
+    truth = {name: paper[name].value * np.exp(0.3 * random.normal()) for name in structure.names}
     truth |= {name: random.uniform(0.0, delay) for name in delays}
     return Case.of(random, structure, truth, delays, ROTOR_BAND)
 

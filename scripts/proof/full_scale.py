@@ -21,15 +21,11 @@ from typing import Any, NamedTuple
 
 import common
 import numpy as np
-from scipy.optimize import brentq
+from printed import CLOSE, KNOT, PUSH, small, weighed, within
 
 from helisim.base.files import read_toml
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.calibrate import flapping_of
-from helisim.vehicle.swashplate import lock_reduction
 
-KNOT = 1852.0 / 3600.0  # m/s
-GRAVITY = 9.81  # m/s^2, of Padfield's tables: their rows' elements are 9.81 cos(theta) and so on
 STATES = ("u", "w", "q", "theta", "v", "p", "phi", "r")
 INPUTS = ("theta_0", "theta_1s", "theta_1c", "theta_0T")
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
@@ -42,13 +38,6 @@ BOOK = {
 }
 """Airspeed, kn -> state -> what its rate is by each of `STATES` and `INPUTS`, Padfield's."""
 THESIS_KNOTS, THESIS_TRIMS = LYNX["thesis_knots"], LYNX["thesis_trims"]
-CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
-SMALL = 0.05  # Share of an axis's largest effect below which a difference is nobody's matter.
-PUSH = {**dict.fromkeys("uvw", 1.0), **dict.fromkeys("pqr", 0.1), **dict.fromkeys(INPUTS, 0.01)}
-"""m/s, rad/s and rad whose effects on an axis are compared with each other."""
-HALF_A_DEGREE = np.radians(0.5)  # Of an angle: what a protractor on a blade tells.
-MASS = 4313.7  # kg, of both prints' helicopter.
-FACTOR = (9.0 / 5.0) ** 0.25  # Of the inflow of both rotors in the thesis, over momentum theory's.
 PADFIELD, THESIS = "Padfield", "thesis"
 _AS_THESIS = (("main_rotor.hub_x", 0.0198),)  # what it reads otherwise from Padfield's data
 
@@ -87,11 +76,12 @@ class Row(NamedTuple):
 
     @property
     def close(self) -> bool:
-        return abs(self.off) <= CLOSE or abs(self.found - self.printed) <= self.small
+        return within(self.found, self.printed, self.small)
 
 
 @cache
-def flights(changes: Changes = ()) -> tuple[Flight, ...]:
+def flights(source: str, changes: Changes = ()) -> tuple[Flight, ...]:
+    changes = (*_AS_THESIS, *changes) if source == THESIS else changes
     vehicle, found = load("lynx", parameters=dict(changes)), []
     for knots in THESIS_KNOTS:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
@@ -150,41 +140,38 @@ def printed(source: str, knots: int) -> dict[str, float]:
 
 
 @cache
-def rows(source: str, changes: Changes = ()) -> dict[tuple[str, int], Row]:
-    book, found = source == PADFIELD, {}
-    for flight in flights(changes if book else (*_AS_THESIS, *changes)):
-        values = printed(source, flight.knots) if not book or flight.knots in BOOK else {}
-        effect = {n: abs(v) * PUSH[n[2:]] for n, v in values.items() if n not in ANGLES}
+def rows(source: str) -> dict[tuple[str, int], Row]:
+    found = {}
+    for flight in flights(source):
+        values = printed(source, flight.knots) if source == THESIS or flight.knots in BOOK else {}
         for name, value in values.items():
-            small, own = HALF_A_DEGREE, flight.values[name]
-            if name in effect:
-                largest = max(one for other, one in effect.items() if other[0] == name[0])
-                small = SMALL * largest / PUSH[name[2:]]
-            found[name, flight.knots] = Row(source, name, flight.knots, value, own, small)
+            own, least = flight.values[name], small(name, values, PUSH)
+            found[name, flight.knots] = Row(source, name, flight.knots, value, own, least)
     return found
 
 
 def tried(one: Mapping[str, Any], row: Row) -> Row:
-    """Return a row as an explanation has it: parameters switched, a term added."""
-    switch = tuple(one.get("switch", {}).items())
-    other = rows(row.source, answering_inflow() if "answering_inflow" in one else switch)
-    other = other[row.name, row.knots]
-    return other._replace(found=other.found + TERMS[one["term"]](other)) if "term" in one else other
+    """Return a row as an explanation has it."""
+    k, name = THESIS_KNOTS.index(row.knots), row.name
+    figures = flights(row.source, tuple(one.get("switch", {}).items()))[k].values
+    weights = one.get("rows", {}).get(name, {name: 1.0})
+    return row._replace(found=weighed(weights, {**figures, "knots": row.knots}, k))
 
 
 def verdict(row: Row) -> str:
     if row.close:
-        return ""
+        return "" if abs(row.off) <= CLOSE else "."
     for one in EXPLANATIONS:
-        if row.source in one["sources"] and row.name in one["names"] and tried(one, row).close:
+        names = one.get("names") or one["rows"]
+        if row.source in one["sources"] and row.name in names and tried(one, row).close:
             return one["letter"]
     other = rows(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
     if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
-        return APART
+        return "="  # the prints are apart
     if row.source == THESIS and row.knots > max(BOOK):
         book, thesis = (rows(source).get((row.name, 60)) for source in (PADFIELD, THESIS))
         if book and thesis and abs(book.off) <= CLOSE < abs(thesis.printed / book.printed - 1.0):
-            return LIKE_60
+            return "~"
     return "?"
 
 
@@ -193,58 +180,8 @@ def unexplained() -> list[Row]:
     return [row for row in every if verdict(row) == "?"]
 
 
-@cache
-def answering_inflow() -> Changes:
-    own = load("lynx").parameters
-    radius = own["main_rotor.radius"]
-    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (np.pi * radius)
-    tip, disc = own["main_rotor.speed"] * radius, np.pi * radius**2
-    inflow = np.sqrt(MASS * GRAVITY / (2.0 * own["air.density"] * disc)) / tip
-    name, static = "flapping.lock_reduction", 15.0 * np.pi / 32.0  # Pitt and Peters
-    given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
-    answering = *flapping_of(given).to_parameters().items(), (name, given[name])
-    return (*answering, ("main_rotor.inflow_skew", static))
-
-
-def _tail(knots: int) -> tuple[float, float, float, float]:
-    own = load("lynx").parameters
-    slope = own["tail_rotor.lift_slope"] * own["tail_rotor.blades"] * own["tail_rotor.chord"]
-    advance = knots * KNOT / (own["tail_rotor.speed"] * own["tail_rotor.radius"])
-    thrust = THESIS_TRIMS["CT_T"][THESIS_KNOTS.index(knots)]
-    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
-    return slope / (np.pi * own["tail_rotor.radius"]), advance, thrust, induced
-
-
-def more_tail_inflow(row: Row) -> float:
-    slope, advance, _, induced = _tail(row.knots)
-    speed = np.hypot(advance, induced)
-    taken = 0.25 * slope / (2.0 * (speed + induced**2 / speed))
-    return row.found * ((1.0 + taken) / (1.0 + FACTOR * taken) - 1.0)
-
-
-def printed_tail_thrust(row: Row) -> float:
-    slope, advance, thrust, induced = _tail(row.knots)
-    through = 0.5 * FACTOR * induced
-    return 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2) - row.found
-
-
-def yaw_in_the_shafts_axes(row: Row) -> float:
-    own = rows(PADFIELD)["N_p", row.knots].found
-    return -float(np.sin(load("lynx").parameters["main_rotor.shaft_tilt"])) * own
-
-
-def stabilising_fuselage(row: Row) -> float:
-    own = load("lynx").parameters
-    ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
-    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * KNOT
-    return moment * ixx / (ixx * izz - ixz**2)
-
-
-APART, LIKE_60 = "=", "~"
 _WORDS = read_toml(Path(__file__).with_suffix(".toml"))
 EXPLANATIONS = _WORDS["explanation"]
-_TERMS = (printed_tail_thrust, more_tail_inflow, stabilising_fuselage, yaw_in_the_shafts_axes)
-TERMS = {one.__name__: one for one in _TERMS}
 
 
 def table(source: str) -> None:
@@ -256,12 +193,8 @@ def table(source: str) -> None:
         scale, unit = (float(np.degrees(1.0)), ", deg") if name in ANGLES else (1.0, "")
         for head, of in (f"{name + unit:<12}    ", "printed"), (f"{'':<9}model: ", "found"):
             print(head + "".join(f"{scale * getattr(row, of):>9.4g} " for row in own))
-        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{_sign(row):1}" for row in own))
+        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{verdict(row):1}" for row in own))
     print()
-
-
-def _sign(row: Row) -> str:
-    return "." if row.close and abs(row.off) > CLOSE else verdict(row)
 
 
 def _percent(row: Row) -> str:
@@ -271,7 +204,7 @@ def _percent(row: Row) -> str:
 def main() -> None:
     table(PADFIELD)
     table(THESIS)
-    power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
+    power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights(PADFIELD))
     print(f"Power of both rotors, kW, which neither prints: {power}\n")
     print(f"Without a sign: within {100 * CLOSE:.0f} %.")
     common.legend(_WORDS["sign"] | {one["letter"]: one["words"] for one in EXPLANATIONS})

@@ -16,7 +16,6 @@ The exit status is 1 if intervals of a joint estimate hold less than 93 %, or a 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import common
 import numpy as np
@@ -126,38 +125,17 @@ def estimated(truth: Truth, records: Sequence[FlightRecord], reference: bool) ->
     return common.identified(records, truth.structure, resolved_band(records), sticks)[1]
 
 
-class Counted(NamedTuple):
-    """What fits of one truth are: verdicts, their reasons; true values, errors and stated ones."""
+def errors(truth: Truth, fits: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return true values, (n_parameter,), and of fits how far off they are, and say they are."""
+    names = [one.name for one in truth.structure.free]
+    value = np.array([truth.values[name] for name in names])
+    found = np.array([[fit[name].value for name in names] for fit in fits])
+    return value, found - value, np.array([[fit[n].standard_error for n in names] for fit in fits])
 
-    words: list[str]
-    kinds: list[set[str]]
-    value: np.ndarray
-    gap: np.ndarray
-    error: np.ndarray
 
-    @classmethod
-    def of(cls, truth: Truth, flown: Sequence[Sequence[FlightRecord]], reference: bool):
-        fits = [estimated(truth, records, reference) for records in flown]
-        names = [one.name for one in truth.structure.free]
-        value = np.array([truth.values[name] for name in names])
-        return cls(
-            [fit.verdict.word for fit in fits],
-            [{note.kind for note in fit.verdict.reasons} for fit in fits],
-            value,
-            np.array([[fit[name].value for name in names] for fit in fits]) - value,
-            np.array([[fit[name].standard_error for name in names] for fit in fits]),
-        )
-
-    @property
-    def inside(self) -> np.ndarray:
-        """Shares of 95 % intervals that hold the truth, (n_parameter,)."""
-        return np.mean(np.abs(self.gap) <= 1.96 * self.error, axis=0)
-
-    @property
-    def harmful(self) -> np.ndarray:
-        """Which fits have a parameter that is wrong by more than it says, (n_fit,)."""
-        least = np.maximum(ERRORS * self.error, SHARE * np.abs(self.value))
-        return np.any(np.abs(self.gap) > least, axis=1)
+def wrong(value: np.ndarray, gap: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return which fits have a parameter that is wrong by more than it says, (n_fit,)."""
+    return np.any(np.abs(gap) > np.maximum(ERRORS * error, SHARE * np.abs(value)), axis=1)
 
 
 def main(*, seeds: int = 40, only: str = "", cases: str = "joint,direct,open,calm") -> int:
@@ -169,23 +147,27 @@ def main(*, seeds: int = 40, only: str = "", cases: str = "joint,direct,open,cal
         for case in cases.split(",") if common.wanted(only, name) else ():
             if case not in airs:
                 continue
-            found = Counted.of(truth, fly(airs[case], 1, seeds), case == "joint")
-            said = common.counted([kind for kinds in found.kinds for kind in kinds])
-            blind = sum(bad and w == "sound" for bad, w in zip(found.harmful, found.words))
-            total = float(found.inside.mean())
+            flown = fly(airs[case], 1, seeds)
+            fits = [estimated(truth, records, case == "joint") for records in flown]
+            words = [fit.verdict.word for fit in fits]
+            kinds = [kind for fit in fits for kind in {one.kind for one in fit.verdict.reasons}]
+            value, gap, error = errors(truth, fits)
+            inside = np.mean(np.abs(gap) <= 1.96 * error, axis=0)
+            harmful = wrong(value, gap, error)
+            blind = sum(bad and word == "sound" for bad, word in zip(harmful, words))
             print(
-                f"{name}, {case}: {100 * total:.1f} % of intervals hold the truth; "
-                f"{common.counted(found.words)} ({said})"
-                f"; wrong {found.harmful.sum()}, of which sound {blind}"
+                f"{name}, {case}: {100 * inside.mean():.1f} % of intervals hold the truth; "
+                f"{common.counted(words)} ({common.counted(kinds)})"
+                f"; wrong {harmful.sum()}, of which sound {blind}"
             )
             names = [f"  {one.name}" for one in truth.structure.free]
-            numbers = found.gap.mean(axis=0), found.gap.std(axis=0), np.median(found.error, axis=0)
-            inside = [f" {100 * share:.0f} %" for share in found.inside]
+            numbers = gap.mean(axis=0), gap.std(axis=0), np.median(error, axis=0)
             common.table(
                 ":<12|truth:10.4g|mean off:10.2g|scatter:10.2g|stated:10.2g| inside:<7",
-                zip(names, found.value, *numbers, inside),
+                zip(names, value, *numbers, [f" {100 * share:.0f} %" for share in inside]),
             )
-            failed |= (case == "joint" and total < LEAST) or (case == "direct" and blind > 0)
+            failed |= case == "joint" and inside.mean() < LEAST
+            failed |= case == "direct" and blind > 0
     return int(failed)
 
 

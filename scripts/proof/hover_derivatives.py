@@ -31,10 +31,10 @@ def rows(vehicle: hs.Vehicle, speeds: tuple[float, ...]) -> list[list[float]]:
 def main(name: str = "jr700", *speeds: float) -> None:
     """Print a table of both laws."""
     wanted = speeds or SPEEDS
-    found = {
-        law: rows(hs.load(name, parameters={"main_rotor.inflow": law}), wanted) for law in LAWS
-    }
-    lines = [(law, *row) for law, one in found.items() for row in zip(wanted, *zip(*one))]
+    lines = []
+    for law in LAWS:
+        found = rows(hs.load(name, parameters={"main_rotor.inflow": law}), wanted)
+        lines += [(law, speed, *row) for speed, row in zip(wanted, found)]
     heads = [f"{name}:<14", "m/s:5g", *(f"{one}:9.3f" for one in (*NAMES, "T2, s"))]
     common.table("|".join(heads), lines)
 

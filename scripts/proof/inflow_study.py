@@ -18,6 +18,7 @@ import numpy as np
 
 import helisim as hs
 from helisim import ident
+from helisim.base.linear import LinearSystem
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN1
 from helisim.study.truth import exact_response
@@ -71,23 +72,18 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
 
 
 def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, ident.Fit]:
-    linear = vehicle.linearize("IN1").system
     structure = hs.structures.hover_inflow.with_fixed({"turn": true["turn"]})
-    omega = np.geomspace(*HOVER_BAND, 150)
-    inputs = [linear.input_labels.index(name) for name in structure.inputs]
-    outputs = [linear.state_labels.index(name) for name in structure.outputs]
-    names, a = list(linear.state_labels), np.array(linear.A)
-    fits = {}
+    sides = {"inputs": structure.inputs, "outputs": structure.outputs}
+    linear, omega = vehicle.linearize("IN1").select(**sides), np.geomspace(*HOVER_BAND, 150)
+    names, a, fits = list(linear.states), np.array(linear.a), {}
+    states = np.eye(len(names))[[names.index(name) for name in structure.outputs]]
     for label, columns, rows in (
         ("whole exact response", (), names),
         ("without yaw", ("r",), names),
         ("nor drift on the disc", ("u", "v"), ("flap_a", "flap_b", "inflow_s", "inflow_c")),
     ):
         a[np.ix_([names.index(row) for row in rows], [names.index(one) for one in columns])] = 0.0
-        pencils = 1j * omega[:, None, None] * np.eye(len(names)) - a
-        moved = np.linalg.solve(pencils, np.asarray(linear.B)[None, :, inputs])
-        sides = {"inputs": structure.inputs, "outputs": structure.outputs}
-        moved = np.moveaxis(moved[:, outputs], 0, -1)
+        moved = LinearSystem(a, linear.b, states, linear.d, None, *sides.values()).response(omega)
         exact = ident.FrequencyResponse.exact(omega, moved, **sides)
         fits[label] = hs.identify(exact, structure)
     return fits

@@ -104,8 +104,7 @@ def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tu
             within.append((off <= one.cramer_rao, errors <= 2.0))
             worst = max(worst, errors)
     inside, near = map(sum, zip(*within))
-    told = figures(target)
-    seen = [(loops[key].value, one) for key, one in told.items() if key in loops]
+    seen = [(loops[key].value, one) for key, one in figures(target).items() if key in loops]
     held = sum(one.low <= value <= one.high for value, one in seen)
     text = (
         f"{inside} of {len(within)} inside their bounds, {near} within two errors, the worst at "
@@ -115,12 +114,11 @@ def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tu
     return text, inside == len(within) and held == len(seen)
 
 
-def judged(name: str, kind: str, share: float, seed: int) -> tuple[verdicts.Judged, bool]:
-    """Return the verdict on a truth's flights after a loss, and whether the bounds hold it."""
+def judged(name: str, kind: str, share: float, seed: int) -> verdicts.Judged:
+    """Return the verdict on a truth's flights after a loss."""
     truth, dice = verdicts.TRUTHS[name], np.random.default_rng([seed, round(100 * share)])
     records = [without(one, kind, share, dice) for one in verdicts.flights(truth, seed)]
-    found = verdicts.judged(truth, records)
-    return found, found.word != "sound" or found.errors <= verdicts.ERRORS
+    return verdicts.judged(truth, records)
 
 
 def main(*logs: Path, seeds: int = 2, only: str = "") -> int:
@@ -129,9 +127,8 @@ def main(*logs: Path, seeds: int = 2, only: str = "") -> int:
     for name in () if logs else verdicts.TRUTHS:
         for kind, share in cases if common.wanted(names, name) else ():
             found = [judged(name, kind, share, seed) for seed in range(seeds)]
-            missed += sum(not held for _, held in found)
-            words = ", ".join(one.word for one, _ in found)
-            off = max(one.errors for one, _ in found)
+            missed += sum(one.misled for one in found)
+            words, off = ", ".join(one.word for one in found), max(one.errors for one in found)
             print(f"{name:18s}{kind:8s}{share:5.0%}  {words}; at most {off:.1f} errors", flush=True)
     for log in logs:
         with common.quiet(), tempfile.TemporaryDirectory() as folder:

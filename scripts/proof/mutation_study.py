@@ -220,19 +220,19 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline) -> tuple[str, str]:
     return word, difference
 
 
-def table(outcomes: dict[str, list[bool]]) -> str:
-    """Return killed and tried of each module, and of all with its confidence interval."""
+def show(outcomes: dict[str, list[bool]]) -> list[bool]:
+    """Print killed and tried of each module, and of all with the interval; return all of them."""
     from scipy.stats import binomtest
 
-    rows = [f"{'module':<28}{'killed':>8}{'tried':>8}"]
-    rows += [f"{one:<28}{sum(dead):>8}{len(dead):>8}" for one, dead in sorted(outcomes.items())]
     every = list(chain.from_iterable(outcomes.values()))
+    print(f"\n{'module':<28}{'killed':>8}{'tried':>8}")
+    for one, dead in (*sorted(outcomes.items()), ("all", every)):
+        print(f"{one:<28}{sum(dead):>8}{len(dead):>8}")
     if every:
         interval = binomtest(sum(every), len(every)).proportion_ci(method="wilson")
-        low, high = 100 * interval.low, 100 * interval.high
-        rate = f"{100 * sum(every) / len(every):.1f} % (95 %: {low:.1f} to {high:.1f} %)"
-        rows.append(f"{'all':<28}{sum(every):>8}{len(every):>8}  {rate}")
-    return "\n".join(rows)
+        found = (100.0 * one for one in (sum(every) / len(every), interval.low, interval.high))
+        print("{:.1f} % (95 %: {:.1f} to {:.1f} %)".format(*found))
+    return every
 
 
 def main() -> int:
@@ -256,11 +256,9 @@ def main() -> int:
         for name in PLAN["libraries"]:
             import_module(name)
         files = sorted((root / "src" / "helisim" / options.area).rglob("*.py"))
-        wanted = (options.only or "").split(",")
-        files = [one for one in files if one.stem in wanted or not options.only]
-        files = [one for one in files if one.name != "kernel.py"]
+        wanted = options.only.split(",") if options.only else {one.stem for one in files}
+        files = [one for one in files if one.stem in wanted and one.stem != "kernel"]
         chosen = sample(files, root, options.count, options.seed)
-        started = time.process_time()
         baseline = Baseline(root, options.area)
         print(f"{len(baseline.seconds)} tests, {sum(baseline.seconds.values()):.0f} s", flush=True)
         outcomes: dict[str, list[bool]] = defaultdict(list)
@@ -271,11 +269,7 @@ def main() -> int:
             if outcome not in KILLED:
                 what = mutant.operator.removeprefix("core/")
                 print(f"\n{outcome}: {what}\n{difference}", flush=True)
-    print(f"\n{table(outcomes)}")
-    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-    total = spent.ru_utime + spent.ru_stime + time.process_time() - started
-    print(f"{total / 60:.1f} minutes of CPU time")
-    killed = [one for some in outcomes.values() for one in some]
+    killed = show(outcomes)
     return int(sum(killed) < LEAST * len(killed))
 
 

@@ -8,8 +8,6 @@ betaflight/blackbox-tools makes a CSV of it. F isn't in its header: axisF over s
     python scripts/proof/rotorflight_log.py LOG.csv
 """
 
-import csv
-
 import common
 import numpy as np
 
@@ -31,19 +29,10 @@ LAW = laws.Rotorflight(
 BLOCKS = (kernel.ROLL, kernel.PITCH, kernel.YAW)
 
 
-def read(path: str) -> dict[str, np.ndarray]:
-    """Return the columns of a decoded log by name, (n_frame,) each."""
-    with open(path, encoding="utf-8") as file:
-        head, *rows = csv.reader(file, skipinitialspace=True)
-    count = head.index("flightModeFlags (flags)")
-    table = np.array([row[:count] for row in rows], dtype=np.float64)
-    return dict(zip(head, table.T))
-
-
 def computed(log: dict[str, np.ndarray], axis: int) -> dict[str, np.ndarray]:
     """Return the law's P, I, F and D, x 1000, at the frames, (n_frame,) each."""
     settings, state, block = LAW.numbers(PERIOD), np.zeros(kernel.COUNT), BLOCKS[axis]
-    time = 1e-6 * log["time (us)"]
+    time = 1e-6 * log["time"]
     loops = time[0] + PERIOD * np.arange(round((time[-1] - time[0]) / PERIOD) + 1)
     wanted, rate = (
         np.interp(loops, time, log[f"{one}[{axis}]"]) for one in ("setpoint", "gyroADC")
@@ -62,8 +51,8 @@ def computed(log: dict[str, np.ndarray], axis: int) -> dict[str, np.ndarray]:
 
 def main(path: str) -> None:
     """Print how far the terms are from the logged ones, in counts, and shares within 1."""
-    log, rows = read(path), []
-    time = 1e-6 * (log["time (us)"] - log["time (us)"][0])
+    log, rows = common.decoded(path), []
+    time = 1e-6 * (log["time"] - log["time"][0])
     lost = time[1:][np.diff(time) > GAP]
     fine = np.all((time[:, None] < lost) | (time[:, None] > lost + SETTLES), axis=1)
     for axis, (name, kept) in enumerate((("roll", "PIF"), ("pitch", "PIF"), ("yaw", "PID"))):

@@ -19,6 +19,7 @@ import common
 import numpy as np
 
 import helisim as hs
+from helisim.base.linear import LinearSystem
 from helisim.handling.predicted import PredictedLoop
 from helisim.study.rotorflight_tune import Feedback, tune_blackbox
 
@@ -33,27 +34,22 @@ WITHIN = {"gain_margin": 1.0, "phase_margin": 5.0}  # dB, degrees
 WORDS = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 
 
-class Exact:
-    """The exact linearisation as the law has it, held for a tick; it is `Linear`."""
-
-    inputs, outputs = tuple(WORDS), SEEN
-
-    def __init__(self, vehicle: hs.Vehicle) -> None:
-        self.linear = vehicle.linearize("IN1").select(self.inputs, SEEN)
-        self.period = vehicle.parameters["gyro.period"]
-
-    def response(self, frequency: np.ndarray) -> np.ndarray:
-        return self.linear.response(frequency) * np.exp(-0.5j * frequency * self.period)
+def exact_of(vehicle: hs.Vehicle, period: float) -> LinearSystem:
+    """Return the exact linearisation as the law has it, its commands held for a tick, s."""
+    linear = vehicle.linearize("IN1").select(tuple(WORDS), SEEN)
+    held = {name: linear.delays.get(name, 0.0) + 0.5 * period for name in WORDS}
+    return replace(linear, delays=held)
 
 
 def main(
     *, vehicle: str = "jr700", seeds: int = 5, seconds: float = 120.0, size: float = 1.0
 ) -> int:
     flown, told, held, off, new = hs.load(vehicle), Counter(), {}, {}, []
-    law, exact = flights.law_for(flown), Exact(flown)
+    law, period = flights.law_for(flown), flown.parameters["gyro.period"]
+    exact = exact_of(flown, period)
 
     def figures(own: hs.Rotorflight) -> PredictedLoop:
-        return PredictedLoop.of([exact] * 3, Feedback(own, exact.period, {}))
+        return PredictedLoop.of([exact] * 3, Feedback(own, period, {}))
 
     today = figures(law)
     for seed in range(1, seeds + 1):
@@ -62,7 +58,7 @@ def main(
             how = {"duration": seconds, "size": size, "shaking": flights.Shaking()}
             flight, loops = flights.fly(flown, law, seed=seed, **how)
             columns = flights.columns(flown, law, flight, loops)
-            path.write_bytes(blackbox_logs.encode(columns, flights.header(law, exact.period)))
+            path.write_bytes(blackbox_logs.encode(columns, flights.header(law, period)))
             found = tune_blackbox([str(path)])
         told.update(fit.verdict.word or "excellent" for fit in found.fits)
         for one in found.axes:

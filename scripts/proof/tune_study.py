@@ -29,6 +29,7 @@ from helisim.vehicle.parameters import model_folder
 AXES = {"lat": "Roll", "lon": "Pitch", "ped": "Yaw"}
 BARS = {"gain_margin": 0.5, "phase_margin": 3.0, "DRP": 0.5}  # dB, degrees, dB
 RATIO, BETTER, LESS = 0.05, 1.25, 0.75
+_SWEEPS = ("--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw")
 _HOVER = """
 def fly(pilot):
     yield from pilot.take_off(10.0)
@@ -50,11 +51,6 @@ def flown(folder: Path, name: str, vehicle: str, parameters: str, *how: str) -> 
     return log
 
 
-def swept(folder: Path, name: str, vehicle: str, parameters: str) -> Path:
-    sweeps = ["--script", "sysid,stop_hz=24", "--axes", "roll,pitch,yaw"]
-    return flown(folder, name, vehicle, parameters, *sweeps)
-
-
 def error_in_gusts(log: Path) -> dict[str, float]:
     """Return the rms of attitude less its target, deg, of a hover, by axis."""
     data = DataFlash(log)
@@ -66,10 +62,8 @@ def error_in_gusts(log: Path) -> dict[str, float]:
         axis: np.asarray(angles[f"Des{word}"], float)[here] - np.asarray(angles[word], float)[here]
         for axis, word in AXES.items()
     }
-    return {
-        axis: float(np.sqrt(np.mean(((one + 180.0) % 360.0 - 180.0) ** 2)))
-        for axis, one in off.items()
-    }
+    turned = {axis: (one + 180.0) % 360.0 - 180.0 for axis, one in off.items()}
+    return {axis: float(np.sqrt(np.mean(one**2))) for axis, one in turned.items()}
 
 
 def predicted(found: LogTuning, log: Path) -> list[str]:
@@ -91,23 +85,18 @@ def predicted(found: LogTuning, log: Path) -> list[str]:
 
 
 def main(
-    folder: Path,
-    *,
-    vehicle: str = "jr700",
-    start: str = "",
-    opponent: str = "",
-    seeds: int = 5,
+    folder: Path, *, vehicle: str = "jr700", start: str = "", opponent: str = "", seeds: int = 5
 ) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     given = Path(start) if start else model_folder(vehicle) / f"{vehicle}.parm"
     before = given.read_text(encoding="utf-8")
-    found = tune_log(swept(folder, "before", vehicle, before))
+    found = tune_log(flown(folder, "before", vehicle, before, *_SWEEPS))
     new = f"{before}\n{found.parameters.text}"
-    missed = predicted(found, swept(folder, "new", vehicle, new))
+    missed = predicted(found, flown(folder, "new", vehicle, new, *_SWEEPS))
     rival, today = before, found
     if opponent:
         rival = f"{before}\n{Path(opponent).read_text(encoding='utf-8')}"
-        today = tune_log(swept(folder, "opponent", vehicle, rival))
+        today = tune_log(flown(folder, "opponent", vehicle, rival, *_SWEEPS))
     rows = []
     for one, other in zip(found.axes, today.axes):
         missed += [] if one.tuned else [f"{one.axis}: {one.why}"]
@@ -118,25 +107,17 @@ def main(
     common.table("axis:<6|figure:<14|before:10.2f|new:10.2f|ratio:8.2f", rows)
     script = folder / "hover.py"
     script.write_text(_HOVER, encoding="utf-8")
-    errors = {
-        name: [
-            error_in_gusts(
-                flown(
-                    *(folder, f"{name}_gusts_{seed}", vehicle, text, "--script", str(script)),
-                    *("--wind", "5", "--turbulence", "moderate", "--seed", str(seed)),
-                )
-            )
-            for seed in range(1, seeds + 1)
-        ]
-        for name, text in (("before", rival), ("new", new))
-    }
-    rows = []
+    errors, rows = {"before": [], "new": []}, []
+    gusts = "--script", str(script), "--wind", "5", "--turbulence", "moderate", "--seed"
+    for seed in range(1, seeds + 1):
+        for name, text in (("before", rival), ("new", new)):
+            log = flown(folder, f"{name}_gusts_{seed}", vehicle, text, *gusts, str(seed))
+            errors[name].append(error_in_gusts(log))
     for axis, word in AXES.items() if seeds else ():
         old, now = (np.mean([one[axis] for one in errors[name]]) for name in ("before", "new"))
         rows.append((word, old, now, now / old))
-        missed += (
-            [f"{word}'s error {now / old:.2f} times"] if word != "Yaw" and now > LESS * old else []
-        )
+        if word != "Yaw" and now > LESS * old:
+            missed.append(f"{word}'s error {now / old:.2f} times")
     common.table("in gusts:<10|before, deg:14.3f|new:10.3f|ratio:8.2f", rows)
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))

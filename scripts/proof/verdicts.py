@@ -266,11 +266,10 @@ def judged(
 def main(*, seeds: int = 10, clean: int = 34, only: str = "") -> int:
     cases = [(name, "rollpitch", damage, seeds) for name, damage in DAMAGES.items()]
     cases += [(f"clean {name}", name, flights, clean) for name in TRUTHS]
+    cases = [one for one in cases if one[3] and common.wanted(only, one[0])]
     wrong = hidden = flown = unsound = 0
     print(f"{'damage':28s}  verdicts; sound yet wrong; worst error, stated errors and share")
     for name, truth, damage, count in cases:
-        if not common.wanted(only, name) or not count:
-            continue
         one, missing = TRUTHS[truth], MISSING.get(name)
         found = [judged(one, damage(one, seed), missing) for seed in range(count)]
         words = [one.word for one in found]

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import common
 import mujoco
 import numpy as np
-from full_scale import CLOSE, HALF_A_DEGREE, KNOT, SMALL
+from printed import CLOSE, KNOT, PUSH, small, weighed, within
 
 from helisim.base.files import read_toml
 from helisim.physics.layout import PARAM
@@ -41,8 +41,7 @@ CONTROLS = {  # stick, and parameter of the radians of a unit of it, with its si
     "theta_0T": ("ped", "tail_rotor.pitch_range", -1.0),
 }
 AXES = dict(zip("XYZLMN", "uvwpqr"))
-PUSH = {**dict.fromkeys("uvw", 1.0 / FOOT), **dict.fromkeys("pqr", 0.1)}
-PUSH |= dict.fromkeys(CONTROLS, 0.01)
+FEET = PUSH | dict.fromkeys("uvw", 1.0 / FOOT)
 
 
 class Flight(NamedTuple):
@@ -90,7 +89,7 @@ def trim_of(vehicle: Vehicle) -> dict[str, float]:
     thrust, torque, _, tail, _ = data.sensor("rotor").data
     pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * trim.col
     return {
-        **{"one": 1.0, "theta": trim.theta, "phi": trim.phi, "a_1s": trim.a, "b_1s": trim.b},
+        **{"theta": trim.theta, "phi": trim.phi, "a_1s": trim.a, "b_1s": trim.b},
         **{"T_M": thrust / POUND, "Q_M": torque / POUND / FOOT, "T_T": tail / POUND},
         "theta_0": pitch - 0.75 * own["main_rotor.twist"],
         "B_1 + a_1s": trim.a - own["geometry.cyclic_range"] * trim.lon,
@@ -138,8 +137,7 @@ def tried(one: dict[str, Any], flight: str, name: str) -> float:
     """Return what an explanation makes of a row."""
     figures, linear, scales = flights(tuple(one.get("switch", {}).items()))[flight]
     if "prints" not in one:
-        weights = one["rows"][name]
-        return sum(weight * figures[row] for row, weight in weights.items())
+        return weighed(one["rows"][name], figures)
     a, states = linear.a.copy(), linear.states
     for row in (row for row in PRINTED[flight] if row in scales and row[2:] in states):
         at = states.index(AXES[row[0]]), states.index(row[2:])
@@ -147,23 +145,14 @@ def tried(one: dict[str, Any], flight: str, name: str) -> float:
     return roots(a, states)[name]
 
 
-def small(flight: str, name: str) -> float:
-    """Return the difference of a row that is nobody's matter."""
-    axis, _, cause = name.partition("_")
-    if cause not in PUSH:
-        return HALF_A_DEGREE if name[:2] in ("th", "ph", "a_", "b_", "B_", "al") else 0.0
-    same = [row for row in PRINTED[flight] if row[0] == axis and row[2:] in PUSH]
-    return SMALL * max(abs(PRINTED[flight][row]) * PUSH[row[2:]] for row in same) / PUSH[cause]
-
-
 def verdict(flight: str, name: str) -> str:
     """Return "" for a row within 15 %, "." for a small difference, a letter, or "?"."""
-    printed, least = PRINTED[flight][name], small(flight, name)
-    off = abs(flights()[flight].figures[name] - printed)
-    if off <= max(least, CLOSE * abs(printed)):
-        return "" if off <= CLOSE * abs(printed) else "."
+    printed, least = PRINTED[flight][name], small(name, PRINTED[flight], FEET)
+    found = flights()[flight].figures[name]
+    if within(found, printed, least):
+        return "" if within(found, printed, 0.0) else "."
     for one in (one for one in TRIED if one["flight"] == flight and name in one["rows"]):
-        if abs(tried(one, flight, name) - printed) <= max(least, CLOSE * abs(printed)):
+        if within(tried(one, flight, name), printed, least):
             return one["letter"]
     return "?"
 

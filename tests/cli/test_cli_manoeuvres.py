@@ -2,26 +2,20 @@
 
 import signal
 import socket
-import sys
 import threading
 import tomllib
 
 import pytest
 
 import helisim.sitl
+import lock_step
+import played_autopilot as played
 from command import fails
 from helisim.cli import main
 from helisim.cli.flying import _commands
 from helisim.records.storage import read_record
 from helisim.sim import Chirp, Deck, FlightPlan, Swing
 from helisim.sitl import Link
-from script import SCRIPTS
-
-sys.path.insert(0, str(SCRIPTS / "proof"))
-
-import lock_step
-import played_autopilot as played
-
 from tabled import tabled
 
 

@@ -361,12 +361,15 @@ def test_the_bias_that_noise_in_a_loop_makes_is_measured():
 @pytest.mark.slow
 def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
     truth = gusts.TRUTHS["hover"]
-    found = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=True)
+    flown = gusts.fly(truth, 5, 12)
+    joint = [gusts.estimated(truth, records, reference=True) for records in flown]
+    _, gap, error = gusts.errors(truth, joint)
     # of 60 intervals of 95 %, 51 hold the truth but for one time in 3000
-    assert np.mean(found.inside) >= 0.85
-    assert found.words.count("sound") >= 10
-    direct = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=False)
-    assert "sound" not in [word for word, bad in zip(direct.words, direct.harmful) if bad]
+    assert np.mean(np.abs(gap) <= 1.96 * error) >= 0.85
+    assert [fit.verdict.word for fit in joint].count("sound") >= 10
+    direct = [gusts.estimated(truth, records, reference=False) for records in flown]
+    harmful = gusts.wrong(*gusts.errors(truth, direct))
+    assert "sound" not in [fit.verdict.word for fit, bad in zip(direct, harmful) if bad]
 
 
 def test_gusts_in_a_loop_leave_the_sticks_the_reference(tmp_path, capsys):

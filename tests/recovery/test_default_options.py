@@ -23,7 +23,7 @@ def test_all_come_back(name, seed):
     """All parameters are inside their bounds, and the points err as they say.
 
     Three stated errors hold 98.9 % of complex normal errors. Neighbouring points err together,
-    so single flights scatter about that by 1 %. `scripts/proof/recovery_study.py` flies 20 seeds.
+    so single flights scatter about that by 1 %.
     """
     found = recover(FLEET[name](), seed)
     assert not {name: excess for name, excess in found.excess.items() if excess > 1.0}

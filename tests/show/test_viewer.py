@@ -2,6 +2,7 @@ import shutil
 import socket
 import sys
 from contextlib import nullcontext
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -17,7 +18,6 @@ from helisim.sitl.link import Frame
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from off_screen import Clock, on_display
-from script import SCRIPTS
 
 
 class Window:
@@ -201,6 +201,7 @@ def test_a_rotor_turns_as_it_spins_up(watched):
     assert steps[-1] > 2.0 * steps[20] > 0.0
 
 
+HERE = str(Path(__file__).parents[1])
 SEEN = """
 import os, sys, threading
 from PIL import ImageGrab
@@ -228,9 +229,7 @@ def test_a_real_window_shows_it(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    done = on_display(
-        tmp_path, sys.executable, "-c", SEEN, str(port), more=[str(SCRIPTS / "proof")]
-    )
+    done = on_display(tmp_path, sys.executable, "-c", SEEN, str(port), more=[HERE])
     assert done.returncode == 0, done.stderr
     assert "00 frames" in done.stdout
     picture = np.asarray(Image.open(tmp_path / "seen.png").convert("RGB"), dtype=float)

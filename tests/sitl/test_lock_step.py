@@ -1,7 +1,6 @@
 """The lock step against a played autopilot: whatever the way does, each frame is flown once."""
 
 import math
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -13,6 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import helisim.sitl.link as link_module
+import lock_step
+import played_autopilot as played
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim import Ground, Weather
@@ -22,12 +23,6 @@ from helisim.sitl.link import answer, read_frame
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.trim import Motion, write_motion
-from script import SCRIPTS
-
-sys.path.insert(0, str(SCRIPTS / "proof"))
-
-import lock_step
-import played_autopilot as played
 
 SENSED = Sensed(
     time=12.3456,

@@ -5,6 +5,7 @@ import signal
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,16 +17,19 @@ from helisim.cli import main
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.logs.dataflash import DataFlash
 from helisim.records.record import IN1
-from helisim.records.storage import read_record
+from helisim.records.storage import read_record, write_record
+from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.link import Link, Sensed
 from helisim.sitl.mixing import Mixer
+from helisim.sitl.parameters import parameters_for
 from helisim.sitl.process import Autopilot
 from helisim.sitl.session import fly_script, script_of
 from helisim.sitl.systemid import sweeps
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
-from script import SCRIPTS, loaded
+from script import loaded
 
+DOCS = Path(__file__).parents[2] / "docs"
 FAKE = """#!{python}
 import os, socket, struct, sys
 os.makedirs("logs", exist_ok=True)
@@ -230,9 +234,11 @@ def test_sweeps_have_ardupilots_numbers_and_own_scripts_are_generators_called_fl
 
 @pytest.mark.slow
 def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, capsys):
-    """The shipped example, by the real autopilot: off the ground and back; its log is whole."""
-    record, log = tmp_path / "flight.parquet", tmp_path / "flight.bin"
-    script = [SCRIPTS / "own_flight.py", "--log", log, "--record", record]
+    """The page's example, by the real autopilot: off the ground and back; its log is whole."""
+    record, log, own = (tmp_path / name for name in ("flight.parquet", "flight.bin", "own.py"))
+    page = (DOCS / "extend" / "sitl_flight.md").read_text(encoding="utf-8")
+    own.write_text(re.search(r"<!-- file: .*\n```python\n([^`]+)```", page)[1])
+    script = [own, "--log", log, "--record", record]
     done = main(["sitl", "--ardupilot", str(ardupilot), "--script", *map(str, script)])
     printed = capsys.readouterr()
     assert done == 0, printed.err
@@ -281,14 +287,14 @@ def its_pulses_are_repeated(log):
 
 @pytest.mark.slow
 def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
-    """Ten seconds of each, in which the autopilot starts; the proof flies for minutes."""
-    proof = loaded("proof/autopilot_flights")
-    first, second = (
-        proof.flown(lambda pilot: pilot.wait(10.0), ardupilot, tmp_path, armed=False)
-        for _ in range(2)
-    )
-    assert first.record == second.record
-    assert first.flight.served.frames > 10_000
+    """Ten seconds of each, in which the autopilot starts; scripts/proof/tour.py is of minutes."""
+    records, path = [], tmp_path / "flight.parquet"
+    for _ in range(2):
+        aircraft, text = Aircraft("jr700", recorded=True), parameters_for("jr700").text
+        flight = fly_script(lambda pilot: pilot.wait(10.0), aircraft, ardupilot, text)
+        assert flight.served.frames > 10_000
+        records.append(write_record(aircraft.record(), path).read_bytes())
+    assert records[0] == records[1]
 
 
 @pytest.fixture

@@ -1,11 +1,7 @@
-"""Fly an autopilot over a bad way, and see that the lock step holds.
+"""A bad way between autopilot and backend, and what a number of frames over it comes to.
 
-python scripts/proof/lock_step.py [FRAMES]         a played autopilot, 100,000 frames by default
-python scripts/proof/lock_step.py FRAMES PROGRAM   ArduPilot's arducopter-heli, standing about
-
-Of a hundred packets each way one is lost, doubled or cut. What is proved: every frame is flown
-once, in order; no frame gets two different answers; the lock step never stops; and the autopilot is
-not left one answer behind. ArduPilot waits a second for each answer that it can't read.
+Packets each way are lost, doubled or cut. Every frame must be flown once, in order; no frame gets
+two different answers; the lock step never stops; and the autopilot is not left one answer behind.
 """
 
 import random
@@ -19,12 +15,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import common
 import numpy as np
-from played_autopilot import PlayedAutopilot
 
 from helisim.sitl import Aircraft, Link, Sensed, serve
 from helisim.sitl.process import Autopilot
+from played_autopilot import PlayedAutopilot
 
 
 @contextmanager
@@ -122,14 +117,6 @@ class Proof:
         }
         return [text for text, wrong in found.items() if wrong]
 
-    def __str__(self):
-        did = ", ".join(f"{number} {what}" for what, number in sorted(self.did.items()))
-        late, behind = self.behind > 0, "the autopilot: one answer behind in "
-        if late.size:
-            behind += f"{np.mean(late):.2%} of its frames, {_longest(late)} in a row at most\n"
-        said = "; ".join(self.faults) or "every frame flown once, in order, one answer each"
-        return f"the way: {did}\nthe backend: {self.served}\n{behind * bool(late.size)}{said}"
-
 
 HAIR = 1.0 + 1e-6
 """By which a backend's time may be too fast, so that ArduPilot's cutting loses no microsecond."""
@@ -182,13 +169,3 @@ def prove_real(frames, program, *, parameters="", aircraft=None, **way):
     ):
         served = serve(aircraft or Aircraft(), link, on_frame=on_frame)
     return Proof(served, did, flown, link.most, np.zeros(0))
-
-
-def main(frames: int = 100_000, program: str = "") -> bool:
-    done = prove_real(frames, program) if program else prove(frames)
-    print(done)
-    return bool(done.faults)
-
-
-if __name__ == "__main__":
-    common.run(main)
