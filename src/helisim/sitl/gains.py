@@ -34,7 +34,7 @@ _HOLDS = 3.0
 BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
 _P = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(1.2, 3.0, 10)])  # In that unit
-_D = np.array([0.0, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
+_D = np.array([0.0, 0.0075, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
 HELD = np.linspace(1.0, 12.0, 23)  # 1/s, of the attitude, as far as ArduPilot's own range goes
 _CLOSER = (0.3, 0.2, 0.12, 0.07, 0.04)
 """Standard deviations of the logarithm of random gains that are tried near the best, in turn."""

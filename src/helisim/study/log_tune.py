@@ -255,23 +255,14 @@ def tune_log(
         return replace(changed, notches=heard.laws[1].notches)
 
     before = {axis: today.figures(axis) for axis in axes}
-    noise = {axis: noise_of(plants[0], law, axis) for axis in axes}
     kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
     stays = {
         axis: kept.figures(axis) if heard.settings else before[axis]
         for axis in axes
         if axis not in wrong
     }
-    asked = {
-        axis: required._replace(
-            noise=LOUDER * noise[axis],
-            rate=one["DRB"].value,
-            attitude=one[ATTITUDE_DRB].value,
-        )
-        for axis, one in stays.items()
-    }
     slopes = {axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes}
-    gains, tuned, none = searched(plants, with_gains, stays, asked, slopes=slopes)
+    gains, tuned, none = searched(plants, with_gains, law, stays, required, slopes=slopes)
     none |= wrong
     better = with_gains(gains)
     new, found = PredictedLoop.of(plants[:1], better), []
@@ -281,15 +272,9 @@ def tune_log(
         loops = {"flown" if flown else "today": flew.broken(axis)}
         one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
         if axis in gains:
-            louder = noise_of(plants[0], better, axis) / noise[axis]
             remarks += _unseen(new, plants[0], axis)
-            one = replace(
-                one,
-                noise=louder,
-                tuned=tuned[axis],
-                changes=_changed(axis, gains[axis], own, plants),
-                loops=loops | {"predicted": ClosedLoop(plants[0], better).broken(axis)},
-            )
+            changes = _changed(axis, gains[axis], own, plants)
+            one = retuned(one, plants[0], law, better, tuned[axis], changes)
         found.append(one)
     return LogTuning(
         *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
@@ -438,6 +423,20 @@ def noise_of(plant: Linear, law: Linear, axis: str) -> float:
     return float(passed(ClosedLoop(plant, law, BAND).reached("rate", axis)[axis].response))
 
 
+def retuned(
+    one: AxisTuning,
+    plant: Linear,
+    today: Linear,
+    better: Linear,
+    figures: Mapping[str, Interval],
+    changes: tuple[Changed, ...],
+) -> AxisTuning:
+    """Return an axis with better gains: its changes, figures, noise and predicted loop."""
+    louder = noise_of(plant, better, one.axis) / noise_of(plant, today, one.axis)
+    loops = {**one.loops, "predicted": ClosedLoop(plant, better).broken(one.axis)}
+    return replace(one, noise=louder, tuned=figures, changes=changes, loops=loops)
+
+
 def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
     """Return a remark if the gain margin lies beyond the frequencies at which the loop flew."""
     turns = margins(loop.broken(axis)).gain
@@ -465,8 +464,9 @@ def _four_digits(_: str, gains: Gains) -> Gains:
 def searched(
     plants: Sequence[Linear],
     law: Callable[[Mapping[str, Gains]], Any],
+    today: Linear,
     stays: Mapping[str, Mapping[str, Interval]],
-    required: Mapping[str, Required],
+    required: Required,
     *,
     rounded: Callable[[str, Gains], Gains] = _four_digits,
     held: Real = HELD,
@@ -475,11 +475,16 @@ def searched(
     """Return gains by axis, their figures, and why other axes have none.
 
     All figures are of the returned gains together, axes without keeping today's, whose figures
-    `stays` are. Their intervals hold what is required, and they reject more than today's. Gains are
-    `rounded` as the autopilot takes them; `held` as of `search`.
+    `stays` are. Their intervals hold what is required, they pass at most half more noise than the
+    law of `today`, and they reject more. Gains are `rounded` as the autopilot takes them; `held`
+    and `slopes` as of `search`.
     """
     none: dict[str, str] = {}
-    tries, asked = Counter[str](), dict(required)
+    tries, asked = Counter[str](), dict[str, Required]()
+    for axis, one in stays.items():
+        most, rate = LOUDER * noise_of(plants[0], today, axis), one["DRB"]
+        alone = one.get(ATTITUDE_DRB, rate)
+        asked[axis] = required._replace(noise=most, rate=rate.value, attitude=alone.value)
     while asked:
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked, held, slopes)
@@ -492,12 +497,12 @@ def searched(
         gains = {axis: rounded(axis, one) for axis, one in gains.items()}
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
-        short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required[axis]))}
+        short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
         dull = [
             axis
             for axis in gains
             if axis not in short
-            and not any(lacks(stays[axis], required[axis]))
+            and not any(lacks(stays[axis], required))
             and _error(stays[axis], asked[axis]) < _WORTH * _error(tuned[axis], asked[axis])
         ]
         if not short and not dull:

@@ -30,11 +30,10 @@ from helisim.records.record import ATTITUDES, IN1, IN2, RATES, FlightRecord, one
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.log_tune import (
     DRAWS,
-    LOUDER,
     AxisTuning,
     Changed,
     LogTuning,
-    noise_of,
+    retuned,
     searched,
 )
 
@@ -213,12 +212,9 @@ def tune_blackbox(
     gains, tuned, none = searched(
         plants,
         lambda some: _with(law, period, some),
+        today,
         {axis: one for axis, one in stays.items() if axis not in wrong},
-        {
-            axis: required._replace(noise=LOUDER * noise_of(plant, today, axis))
-            for axis in axes
-            if axis not in wrong
-        },
+        required,
         rounded=_whole,
         held=_HELD,
     )
@@ -230,12 +226,10 @@ def tune_blackbox(
             shown = {name: _about(figure.value) for name, figure in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
-            louder = noise_of(plant, better, axis) / noise_of(plant, today, axis)
             told = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
             changes = _changes(axis, gains[axis], law, plants, ahead=told)
-            loops |= {"predicted": ClosedLoop(plant, better).broken(axis)}
-            shown = _seen(tuned[axis], loops["predicted"], remarks)
-            one = replace(one, tuned=shown, noise=louder, changes=changes, loops=loops)
+            one = retuned(one, plant, today, better, tuned[axis], changes)
+            one = replace(one, tuned=_seen(one.tuned, one.loops["predicted"], remarks))
         found.append(one)
     return LogTuning(
         names,
