@@ -107,8 +107,13 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(
 
 
 def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path, few_draws):
-    """Yaw alone: its modes, sweep, model, loop and gains are on the page."""
-    path = Flown().fly(12).save(tmp_path)
+    """Yaw alone: its modes, sweep, model, loop and gains are on the page, and rotor speed."""
+    log = Flown().fly(12)
+    log.define(15, "RPM", "Qf", "TimeUS,RPM", units="s-", multipliers="F-")
+    log.write(15, log.us, 1700.0)
+    log.define(16, "XKF2", "Qff", "TimeUS,VWN,VWE", units="snn", multipliers="F00")
+    log.write(16, log.us, 0.0, 0.0)
+    path = log.save(tmp_path)
     assert main(["report", str(path), "--quiet"]) == 0
     text = path.with_suffix(".html").read_text(encoding="utf-8")
     for said in (
@@ -119,8 +124,10 @@ def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path, few
         "loop_ped",
         "ATC_RAT_YAW_FF",
         "INS_LOG_BAT",
+        "rotor speed, rpm",
     ):
         assert said in text, said
+    assert "wind by the EKF" not in text  # an EKF that estimates none says 0
     assert "ATC_RAT_YAW_FF" in parm_file(path.with_suffix(".param"))
 
 

@@ -208,6 +208,15 @@ def draw_flight(name: str, title: str, record: FlightRecord, channels: Sequence[
     return Drawing(name, title, f"{title}, {record.duration:g} s", tuple(panels), "time, s")
 
 
+def draw_over_time(name: str, title: str, histories: Mapping[str, tuple[Real, Real]]) -> Drawing:
+    """Draw times, s, and values by label with its unit, (n_time,) each, below each other."""
+    panels = [
+        Panel(label, (Mark("line", "identified", *one, width=0.8),), 62.0)
+        for label, one in histories.items()
+    ]
+    return Drawing(name, title, "", tuple(panels), "time, s")
+
+
 def families(record: FlightRecord, channels: Sequence[str]) -> dict[tuple[str, str], list[str]]:
     """Return channels by kind and unit; one in another unit than usual is a kind of its own."""
     groups: dict[tuple[str, str], list[str]] = {}

@@ -15,7 +15,7 @@ from helisim.show import page, tables
 from helisim.show.charts import draw_loops
 from helisim.show.figure import Drawing
 from helisim.show.page import Section, paragraph
-from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs_of
+from helisim.show.plots import draw_flight, draw_over_time, draw_pair, draw_verifications, pairs_of
 from helisim.show.table import numbers, table
 from helisim.study.comparison import ComparisonTable
 from helisim.study.errata import errata
@@ -121,6 +121,9 @@ def write_flight_report(path: str | Path, found: LogTuning) -> Path:
         for one in found.axes
         if one.loops
     ]
+    over_time = (
+        [draw_over_time("histories", "Over time", found.histories)] if found.histories else []
+    )
     told = "".join(
         page.block(tables.tuning(one)) + paragraph(one.why and f"No new gains: {one.why}.", "off")
         for one in found.axes
@@ -140,7 +143,11 @@ def write_flight_report(path: str | Path, found: LogTuning) -> Path:
         ("vibration", "Vibration", vibration),
         ("remarks", "What is to be known of them", page.bullets(found.remarks)),
         ("models", "Models", models),
-        ("modes", "Flight modes", page.table(table("", "from [s]|mode<", flown))),
+        (
+            "modes",
+            "Flight modes, and what the log has over time",
+            page.table(table("", "from [s]|mode<", flown)) + page.figures(over_time),
+        ),
         (
             "flown",
             "What was swept, and what of the log is taken",

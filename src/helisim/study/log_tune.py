@@ -89,6 +89,13 @@ _NOTCH = {
     "HMNCS": "bits of the multiples whose tones move the servos: 1, 2, 4, 8 for 1 to 4",
     "OPTS": "single notches",
 }
+_HISTORIES = (
+    ("height, m", "CTUN", ("Alt",)),
+    ("wind by the EKF, m/s", "XKF2", ("VWN", "VWE")),
+    ("rotor speed, rpm", "RPM", ("RPM",)),
+    ("rotor speed, rpm", "RPM", ("rpm1",)),
+    ("motor's speed, rpm", "ESC", ("RPM",)),
+)
 _FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff", "FLTD": "slope_hz"}
 
 
@@ -141,8 +148,9 @@ class LogTuning(Value):
     """What a flight log says of its loops, of better gains, by axis, and of vibration; remarks.
 
     The candidate's gains are for the gyro's notches that `vibration` proposes. `told` is what the
-    log says of its sweeps, `modes` its flight modes: s after its first stamp, and name; `fits` are
-    the models, `form` is a line of the parameters' file.
+    log says of its sweeps, `modes` its flight modes: s after its first stamp, and name;
+    `histories` are times, s likewise, and values, (n_time,) each, by name with unit; `fits` are the
+    models, `form` is a line of the parameters' file.
     """
 
     logs: tuple[str, ...]
@@ -151,6 +159,7 @@ class LogTuning(Value):
     remarks: tuple[str, ...] = ()
     told: str = field(default="", repr=False)
     modes: tuple[tuple[float, str], ...] = field(default=(), repr=False)
+    histories: Mapping[str, tuple[Real, Real]] = field(default_factory=dict, repr=False)
     fits: tuple[Fit, ...] = field(default=(), repr=False)
     form: str = field(default="{} {}", repr=False)
 
@@ -278,7 +287,7 @@ def tune_log(
         found.append(one)
     return LogTuning(
         *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
-        *(str(inferred), _modes(log), plant.fits),
+        *(str(inferred), _modes(log), _histories(log), plant.fits),
     )
 
 
@@ -289,6 +298,18 @@ def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
     numbers = np.asarray(table["ModeNum" if "ModeNum" in table.columns else "Mode"], int)
     since = (table.time - log.begins).tolist()
     return tuple((at, names.get(one, f"mode {one}")) for at, one in zip(since, numbers.tolist()))
+
+
+def _histories(log: DataFlash) -> dict[str, tuple[Real, Real]]:
+    """Return what a log has over time: height, and sizes of wind and rotor speed."""
+    found = dict[str, tuple[Real, Real]]()
+    for label, message, names in _HISTORIES:
+        if message in log and set(names) <= log.fields(message).keys():
+            table = log.table(message, log.instances(message)[0])
+            size = np.linalg.norm([np.asarray(table[name], np.float64) for name in names], axis=0)
+            if np.any(size):  # an EKF that estimates no wind says 0
+                found.setdefault(label, (table.time - log.begins, size))
+    return found
 
 
 def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
@@ -342,7 +363,8 @@ def _by_sticks(
             )
         axes.append(_fed(AxisTuning(axis, True, figures), models, law, own))
     told = tuple(dict.fromkeys(remarks))
-    return LogTuning(tuple(paths), heard, tuple(axes), told, modes=_modes(logs[0]))
+    over = {"modes": _modes(logs[0]), "histories": _histories(logs[0])}
+    return LogTuning(tuple(paths), heard, tuple(axes), told, **over)
 
 
 def _coherent(
