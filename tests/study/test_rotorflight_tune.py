@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -176,6 +177,28 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, monkeypa
     (yaw,) = tune_blackbox([str(path)]).axes
     assert yaw.changes
     assert "yaw_f_gain" not in {one.name for one in yaw.changes}
+
+
+def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):
+    """Gains that both have must be the same ones."""
+    path = saved(tmp_path, flown(2.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
+    lines = path.read_bytes()
+    for name in (b"rollBW", b"pitchBW", b"yawBW", b"yaw_stop_gain"):
+        lines = re.sub(b"H " + name + b":.*\n", b"", lines)
+    path.write_bytes(lines)
+    dump = {"yaw_f_gain": "33", "yaw_gyro_cutoff": "90", "yaw_cw_stop_gain": "95", "name": "x"}
+    yaw = law_of_log(Blackbox(path), dump).yaw
+    assert (yaw.f, yaw.gyro_cutoff, yaw.cw_stop_gain, yaw.p) == (33.0, 90.0, 95.0, 60.0)
+    for wrong, said in (
+        ({"yaw_p_gain": "61"}, "yaw's p is another in the dump"),
+        ({"yaw_f_gain": "x"}, "the dump's yaw_f_gain is 'x', expected a whole number"),
+    ):
+        with pytest.raises(LogError, match=said):
+            law_of_log(Blackbox(path), wrong)
+    file = tmp_path / "dump.txt"
+    file.write_text("set yaw_p_gain = 61\n")
+    words = ["tune", str(path), "--dump", str(file), "--quiet"]
+    assert main(words) == 2
 
 
 def test_a_plant_of_its_models_is_still_where_nothing_was_told(tuned):

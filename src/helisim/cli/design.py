@@ -251,6 +251,7 @@ def tune(o: Options) -> int:
         --out FILE <.param .parm .txt =tuned.param>  the new parameters (default: tuned.param)
         --report FILE <.html>  page on the flight, .html
         --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
+        --dump FILE <path>  of Rotorflight's command line (diff all), for what its log lacks
         --tail-ratio X <float>  turns of the tail rotor for one of it (default: by the tones)
         @json: of logs, what was found
         without a log:
@@ -301,7 +302,9 @@ def tune_logs(o: Options) -> int:
     blackbox = all(map(is_blackbox, o.logs))
     with progress(3 if blackbox else 4, o.quiet) as advance:
         if blackbox:
-            found = tune_blackbox(o.logs, on_step=advance)
+            found = tune_blackbox(o.logs, dump=o.dump, on_step=advance)
+        elif o.dump is not None:
+            raise InputError("--dump is of Rotorflight's command line; these are other logs")
         else:
             rotor_hz = o.rpm and o.rpm / 60.0
             found = tune_log(o.logs, rotor_hz=rotor_hz, tail=o.tail_ratio, on_step=advance)

@@ -14,6 +14,7 @@ import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
+from helisim.base.settings import setting_names
 from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
@@ -22,7 +23,7 @@ from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import PredictedLoop
 from helisim.ident import Fit, identify, structures
-from helisim.logs.blackbox import Blackbox, open_blackbox
+from helisim.logs.blackbox import Blackbox, open_blackbox, read_dump
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
@@ -102,12 +103,12 @@ def _slope(
     return (high - low) / (_ENDS[1] - _ENDS[0])
 
 
-def law_of_log(log: Blackbox) -> of.Rotorflight:
+def law_of_log(log: Blackbox, dump: Mapping[str, str] | None = None) -> of.Rotorflight:
     """Return the law that flew by a log's header, for commands in rad of blade pitch.
 
     It has no filters of the gyro, as the log's gyro is behind them. What the header lacks beside
-    gains is the firmware's default. Raises LogError for another firmware's log, and where the
-    header lacks P, I or D.
+    gains is as in `dump`, as of `read_dump`, or the firmware's default. Raises LogError for another
+    firmware's log, where the header lacks P, I or D, and for a dump of other gains.
     """
     header, place = log.header, log.path.name
     if not log.firmware.startswith("Rotorflight") or "mixer[0]" not in log.columns:
@@ -120,8 +121,15 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
     axes: dict[str, dict[str, float]] = {}
     for axis in _AXES.values():
         gains = dict(zip(_TERMS, _numbers(log, f"{axis}PID", 3)))
+        told = _dumped(axis, dump or {})
+        others = [name for name in gains.keys() & told.keys() if gains[name] != told[name]]
+        if others:
+            raise LogError(
+                f"{place}: {axis}'s {', '.join(sorted(others))} is another in the dump of the "
+                "command line than in the log's header; give a dump of the settings that flew"
+            )
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
-        axes[axis] = {"range": 1.0, **gains}
+        axes[axis] = {"range": 1.0, **told, **gains}
         if f"{axis}BW" in header:
             axes[axis] |= zip(
                 ("gyro_cutoff", "d_cutoff", "b_cutoff"), _numbers(log, f"{axis}BW", 2)
@@ -135,6 +143,18 @@ def law_of_log(log: Blackbox) -> of.Rotorflight:
         collective=of.CollectiveRotorflight(range=1.0),
         gyro_lowpass=0.0,
     )
+
+
+def _dumped(axis: str, dump: Mapping[str, str]) -> dict[str, float]:
+    """Return an axis's gains and cutoffs that a dump of the command line has. Raises LogError."""
+    found = {}
+    for own in setting_names(of.YawRotorflight if axis == "yaw" else of.CyclicRotorflight):
+        name = f"{axis}_{own}_gain" if own in _TERMS else f"{axis}_{own}"
+        if name in dump and name.endswith(("_gain", "_cutoff")):
+            if not dump[name].isdigit():
+                raise LogError(f"the dump's {name} is {dump[name]!r}, expected a whole number")
+            found[own] = float(dump[name])
+    return found
 
 
 def _numbers(log: Blackbox, name: str, count: int) -> list[float]:
@@ -165,6 +185,7 @@ def command_of(axis: str, name: str) -> float:
 def tune_blackbox(
     logs: Sequence[str],
     *,
+    dump: str | None = None,
     required: Required = STANDARD,
     seed: int = 1,
     on_step: Callable[[str], None] = lambda _: None,
@@ -172,26 +193,28 @@ def tune_blackbox(
     """Return a Rotorflight helicopter's loops and better gains, from Blackbox logs of its flights.
 
     Models from the mixer's commands to the gyro are identified with the setpoints as reference, so
-    that feedback and gusts don't bias them; gains and filters are the header's. Better gains are as
-    of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
+    that feedback and gusts don't bias them; gains and filters are the header's, or those of `dump`,
+    a file of `diff all` on the command line. Better gains are as of `tune_log`. Raises
+    StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     on_step("models")
     first = _opened(paths[0])
-    law, remarks = law_of_log(first), [one.text for one in first.source.findings]
+    told = None if dump is None else read_dump(dump)
+    law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
     period = 1e-6 * _numbers(first, "looptime", 1)[0]
     if "pid_process_denom" in first.header:
         period *= _numbers(first, "pid_process_denom", 1)[0]
     lacks = [
         one for one in ("rollBW", "pitchBW", "yawBW", "yaw_stop_gain") if one not in first.header
     ]
-    if lacks:
+    if lacks and told is None:
         remarks.append(
             f"the header lacks {', '.join(lacks)}, as before Rotorflight 4.4: the firmware's "
-            "defaults are taken"
+            "defaults are taken; give a dump of the command line (diff all)"
         )
     records = [record for one in paths for record in read_log(one).records]
-    others = [one for one in paths[1:] if law_of_log(_opened(one)) != law]
+    others = [one for one in paths[1:] if law_of_log(_opened(one), told) != law]
     if others:
         raise LogError(
             f"{', '.join(one.name for one in others)}: other gains or filters than in "
@@ -226,8 +249,8 @@ def tune_blackbox(
             shown = {name: _about(figure.value) for name, figure in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
-            told = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
-            changes = _changes(axis, gains[axis], law, plants, ahead=told)
+            ahead = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
+            changes = _changes(axis, gains[axis], law, plants, ahead=ahead or told is not None)
             one = retuned(one, plant, today, better, tuned[axis], changes)
             one = replace(one, tuned=_seen(one.tuned, one.loops["predicted"], remarks))
         found.append(one)
