@@ -44,7 +44,7 @@ def test_a_controller_of_ones_own_flies(run):
     assert printed.count("the same flight: True") == 2
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
     printed = run("own_vehicle.py", "myheli", 2)
     assert "myheli: All is well." in printed
@@ -57,6 +57,7 @@ def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
     assert len(found) == 2
 
 
+@pytest.mark.slow
 def test_an_agent_of_a_few_lines_flies(run):
     printed = run("fly_in_gymnasium.py", 4)
     assert "heading_error_sine" in printed

@@ -259,7 +259,7 @@ def test_a_designed_law_has_the_margins_and_the_rejection_that_were_asked_for():
         assert rejection_by_control(law, axis) > 1.05 * wanted * 0.995
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_cost_is_the_least_that_a_scan_of_all_gains_finds():
     specs = small_specs()
     found = designed(specs, margin=0.0)

@@ -358,7 +358,7 @@ def test_the_bias_that_noise_in_a_loop_makes_is_measured():
     assert np.mean(noise.surprise) < 3.0  # exponential: one of 7 in 10 million
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
     truth = gusts.TRUTHS["hover"]
     found = gusts.Counted.of(truth, gusts.fly(truth, 5, 12), reference=True)

@@ -94,8 +94,8 @@ def test_flight_that_stopped_is_refused(jr700):
 SCRIPT = """
 import sys
 import helisim as hs
-sweep = hs.Sweep(axis="lat", duration=13.0)
-for k, record in enumerate(hs.fly(hs.load(), sweep, count=2, seed=2**40, jobs=int(sys.argv[2]))):
+doublet = hs.Doublet(axis="lat", duration=6.0)
+for k, record in enumerate(hs.fly(hs.load(), doublet, count=2, seed=2**40, jobs=int(sys.argv[2]))):
     for suffix in ("parquet", "csv"):
         hs.write_record(record, f"{sys.argv[1]}/{k}.{suffix}")
 """

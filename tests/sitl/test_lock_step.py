@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import helisim.sitl.link as link_module
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.layout import PARAM, STATE
+from helisim.physics.native import installed
 from helisim.sim import Ground, Weather
 from helisim.sitl import Link, Sensed, serve
 from helisim.sitl.aircraft import Aircraft, _steps
@@ -233,8 +234,9 @@ def falling():
 
 
 def held(aircraft, seconds, pulses=LOW):
-    for _ in range(round(1000 * seconds)):
-        aircraft.step(pulses)
+    with installed():  # once: each block that is opened examines the model anew
+        for _ in range(round(1000 * seconds)):
+            aircraft.step(pulses)
     return aircraft.sensed
 
 

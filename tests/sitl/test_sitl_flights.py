@@ -281,14 +281,14 @@ def its_pulses_are_repeated(log):
 
 @pytest.mark.slow
 def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
-    """Ten seconds of each, in which the autopilot starts; the proof flies for minutes."""
+    """Six seconds of each, in which the autopilot starts; the proof flies for minutes."""
     proof = loaded("proof/autopilot_flights")
     first, second = (
-        proof.flown(lambda pilot: pilot.wait(10.0), ardupilot, tmp_path, armed=False)
+        proof.flown(lambda pilot: pilot.wait(6.0), ardupilot, tmp_path, armed=False)
         for _ in range(2)
     )
     assert first.record == second.record
-    assert first.flight.served.frames > 10_000
+    assert first.flight.served.frames > 6_000
 
 
 @pytest.fixture
