@@ -85,7 +85,7 @@ def outcome(arguments):
 
 @pytest.mark.parametrize("command", OPTIONS)
 @given(data=st.data())
-@settings(max_examples=30)
+@settings(max_examples=20)
 def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, data):
     """Status 0 or 1 and an answer, or status 2 and one line: never another exception.
 

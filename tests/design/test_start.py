@@ -363,6 +363,7 @@ def test_a_model_that_no_gain_stabilises_is_said_so():
         designed(plant=SmallPlant(damping=(-30.0, 7.0)))
 
 
+@pytest.mark.slow
 def test_a_design_is_the_same_again_and_judged_by_models_drawn_anew():
     one, other = (designed(models=1, drawn=2) for _ in range(2))
     assert one.to_dict() == other.to_dict()

@@ -501,21 +501,21 @@ def test_what_cannot_be_measured_is_said_in_one_line(tmp_path, capsys, axis, wor
     assert said in fails(capsys, "margins", path, *words, "--quiet")
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_damaged_log_gives_the_same_within_its_errors_or_says_what_is_lost(tmp_path, seed):
+@pytest.mark.slow
+def test_a_damaged_log_gives_the_same_within_its_errors_or_says_what_is_lost(tmp_path):
     """Random bytes after the formats, 1 % and 0.01 %; two logs in one; one that was cut off."""
-    log = SidLog().sweep(12, noise=0.3, seed=seed, **SHORT)
+    log = SidLog().sweep(12, noise=0.3, seed=1, **SHORT)
     path, formats = log.save(tmp_path), 30 * 89
     sound = identified(path)["yaw_alone"]
-    data, again = path.read_bytes(), SidLog().sweep(12, noise=0.3, seed=seed + 9, **SHORT).data
-    spoiled = [data[:formats] + flipped(data[formats:], share, seed) for share in (1e-2, 1e-4)]
+    data, again = path.read_bytes(), SidLog().sweep(12, noise=0.3, seed=10, **SHORT).data
+    spoiled = [data[:formats] + flipped(data[formats:], share, 1) for share in (1e-2, 1e-4)]
     for damaged in (*spoiled, data + data, data + again, data[:-20_000]):
         path.write_bytes(damaged)
         fit = identified(path)["yaw_alone"]
         for name in ("N_r", "N_ped"):
             assert abs(fit[name].value - sound[name].value) < 2.0 * fit[name].standard_error
     lost = data.replace(b"SIDD", b"\0\0\0\0", 1)  # of the format, without which none is read
-    path.write_bytes(lost[:formats] + flipped(lost[formats:], 1e-2, seed))
+    path.write_bytes(lost[:formats] + flipped(lost[formats:], 1e-2, 1))
     with pytest.raises(
         LogError, match=r"a\.bin: [\d.]+ % of the log .* is no whole message; .*dam"
     ):

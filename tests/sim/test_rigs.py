@@ -136,6 +136,7 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
         loop_gains(still, input="r", output="servo_tail", band=(3.0, 30.0))
 
 
+@pytest.mark.slow
 def test_the_suspension_finds_the_centre_of_gravity(jr700):
     found = rigs.suspension_test(jr700, seed=1)
     assert found["cg distance"].value < 1e-3

@@ -92,6 +92,7 @@ def test_the_yaw_gyros_structure_has_all_that_is_in_the_loop(jr700, recorder):
     assert slip == pytest.approx(jr700.derivatives["N_r"] * (1.0 + share), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_an_equivalents_truth_depends_on_the_weights(jr700, recorder):
     """Doubt p/LON around its dip, and the low-order fit gives up something else there."""
     omega = np.geomspace(*ROLLPITCH_IN2.band, 200)

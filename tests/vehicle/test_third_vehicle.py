@@ -214,6 +214,7 @@ PAPERS = {
 }
 
 
+@pytest.mark.slow
 def test_calibrated_file_is_what_calibrate_writes():
     given = read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml")
     stored = read_parameters(FOLDER / "calibrated.toml")
