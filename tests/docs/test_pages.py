@@ -30,12 +30,13 @@ PLAIN = re.compile(r"(helisim|python \w)[^|>;&$]*")
 """A command of the shell that a process can do beside others."""
 IN_ONE = """
 import glob, os, runpy, shlex, sys
-from helisim.cli import main
 
 for line in open("commands.txt"):
     each = [sorted(glob.glob(word)) or [word] for word in shlex.split(line)]
     program, *words = sum(each, [])
     if program == "helisim":
+        from helisim.cli import main  # no sooner than the page does
+
         assert main(words) == 0, line
     else:
         sys.argv, sys.path[0] = words, os.path.dirname(os.path.abspath(words[0]))
