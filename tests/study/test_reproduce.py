@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def results(folder):
     """The one reproduction of the default tests, of fewer flights than usual."""
-    return hs.reproduce(out=folder, flights=2, seed=1).results
+    return hs.reproduce(out=folder, flights=3, seed=1).results
 
 
 def rows(results):
@@ -61,7 +61,7 @@ def test_every_parameter_is_recovered_and_what_was_left_out_is_said(results):
     for one in results.excluded:
         assert one.reason == "less coherent"
         assert one.coherence <= one.limit
-        assert one.kept == 2
+        assert one.kept == 3
 
 
 @pytest.mark.study
@@ -91,7 +91,7 @@ def test_another_truth_is_followed():
 
 @pytest.mark.study
 def test_halving_the_time_step_changes_little(results):
-    finer = hs.reproduce(flights=2, seed=1, timestep=0.001).results
+    finer = hs.reproduce(flights=3, seed=1, timestep=0.001).results
     before, after = rows(results), rows(finer)
     limits = {**dict.fromkeys(TIGHT, TIGHT_PERCENT), **dict.fromkeys(LOOSE, LOOSE_PERCENT)}
     for name, limit in limits.items():
@@ -143,7 +143,7 @@ def test_the_records_alone_give_the_same_model(results, folder):
         for path in sorted((folder / "flights").glob("col_*.parquet"))
         if path.stem not in results.left_out
     ]
-    assert len(flights) == 2
+    assert len(flights) == 3
     asked = {"inputs": "col", "outputs": "w", "band": (0.3, 12.0), "estimator": "windows"}
     frf = hs.frequency_response(flights, **asked)
     fit = hs.identify(frf, hs.structures.heave)
@@ -152,7 +152,7 @@ def test_the_records_alone_give_the_same_model(results, folder):
 
 @pytest.mark.study
 def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
-    hs.reproduce(out=tmp_path, flights=2, seed=1, jobs=1)
+    hs.reproduce(out=tmp_path, flights=3, seed=1, jobs=1)
     before, again = (
         {path.relative_to(run): path.read_bytes() for path in run.rglob("*") if path.is_file()}
         for run in (folder, tmp_path)
