@@ -138,7 +138,8 @@ def in_time(flights, structure, truth, sigma, fine=4):
     return least_squares(residual, start, x_scale="jac").x[: len(names)]
 
 
-@pytest.mark.parametrize("case", [pytest.param("short period", marks=pytest.mark.slow), "yaw"])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["short period", "yaw"])
 def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
     (structure, truth), moves, (noise, step, _, _) = CASES[case]
     flights = flown(structure, truth, moves, noise, 1, step)

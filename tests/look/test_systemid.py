@@ -328,6 +328,7 @@ def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
     assert not found.logs[0].excitations
 
 
+@pytest.mark.slow
 def test_side_velocity_is_taken_out_of_yaw_or_the_error_says_so(tmp_path):
     """It makes N_r a quarter too large: known, N_r is right; else two standard errors hold that.
 
@@ -452,7 +453,7 @@ def test_the_loop_is_the_laws_and_the_helicopters_and_what_disturbs_it_is_told(t
     assert found.remarks == ("gains were changed between sweeps: the loop is a mean of both",)
 
 
-@pytest.mark.parametrize("without", [(), ("PIDR",)])
+@pytest.mark.parametrize("without", [pytest.param((), marks=pytest.mark.slow), ("PIDR",)])
 def test_bursts_of_lost_messages_leave_the_loop_and_widen_its_intervals(tmp_path, without):
     """16 % of all messages are lost in bursts of 20 to 250 ms; PIDR tells what comes back."""
     whole, left = Flown(without=without).fly(10).save(tmp_path), tmp_path / "left.bin"

@@ -141,6 +141,7 @@ def test_take_off_hover_and_landing(jr700):
     assert -flight.positions[:, 2].min() == pytest.approx(2.08, abs=0.26)
 
 
+@pytest.mark.slow
 def test_another_vehicle_flies_them_too():
     """Bounds: twice what is found, as above."""
     reached, flight = flown(hs.load("blade360"), hs.missions.Forward(speed=6.0, cruise=1.0))
@@ -426,6 +427,7 @@ def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, tr
     assert min(wave.harmonics["lat"]) == 1  # a mean is no oscillation
 
 
+@pytest.mark.slow
 def test_everyday_flying_moves_every_stick_and_is_another_one_for_each_seed(jr700):
     """At the end it is in the field, where it holds its height."""
     mission = hs.missions.Everyday(duration=40.0)

@@ -315,6 +315,7 @@ def test_antialias_filter_is_common_to_all_channels():
     assert list(late.values()) == pytest.approx([late["p"]] * len(late), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_rotor_speed_is_recorded_where_it_moves_and_servo_positions_on_request(jr700):
     vehicle = load("jr700", parameters={"drive.governor": "motor"})
     doublet = Doublet(axis="col", amplitude=0.05)
