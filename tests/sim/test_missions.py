@@ -166,11 +166,11 @@ def test_a_record_says_what_was_flown_and_reached(jr700):
 
 
 def test_a_manoeuvre_is_flown_on_top_of_a_mission(jr700):
-    mission = hs.missions.Forward(speed=5.0, cruise=1.0)
+    mission = hs.missions.Forward(speed=5.0, cruise=4.0)
     _, plain = flown(jr700, mission)
-    doublet = hs.Doublet(axis="lat", duration=12.0, trim_time=8.0, width=1.0, amplitude=0.05)
+    doublet = hs.Doublet(axis="lat", duration=16.0, trim_time=4.0, width=1.0, amplitude=0.05)
     _, moved = flown(jr700, mission, excitation=doublet)
-    first = np.searchsorted(plain.time, 8.0)
+    first = np.searchsorted(plain.time, 4.0)
     assert np.array_equal(plain.sticks[:first], moved.sticks[:first])
     added = moved.sticks[first + 5, 2] - plain.sticks[first + 5, 2]
     assert added == pytest.approx(0.05, abs=1e-6)  # in the tick in which it begins, before answers

@@ -372,9 +372,10 @@ def test_a_hard_landing_ends_the_flight_and_tipping_over_strikes_the_rotor():
 def told(aircraft):
     pulses = np.array(SPOOLED)
     rng = np.random.default_rng(5)
-    for _ in range(300):
-        pulses[:4] = 1300 + rng.integers(0, 400, 4)
-        sensed = aircraft.step(pulses.tolist())
+    with installed():
+        for _ in range(300):
+            pulses[:4] = 1300 + rng.integers(0, 400, 4)
+            sensed = aircraft.step(pulses.tolist())
     return np.concatenate([sensed.force, sensed.gyro, sensed.position, sensed.quaternion])
 
 
