@@ -135,6 +135,7 @@ def _note(event, arguments):
         _written.extend(os.fsdecode(one) for one in arguments[:2] if isinstance(one, str | Path))
 
 
+@pytest.mark.slow
 def test_nothing_is_written_outside_the_folder_that_is_named(tmp_path, monkeypatch):
     """Python's own audit tells every file that a flight and what follows it open to write."""
     global _watching

@@ -300,6 +300,7 @@ def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
     assert abs(asked["N_ped"].value / truth - 1.0) > 0.05
 
 
+@pytest.mark.slow
 def test_a_band_begins_where_the_structure_follows():
     frequency = np.geomspace(0.5, 50.0, 120)
     s = 1j * frequency
