@@ -1,14 +1,13 @@
 """Flights: reproducible, complete, honest about failure; faults of servos and recorder."""
 
 import os
-import subprocess
-import sys
 from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
 import pytest
 
+from command import python
 from helisim.base.errors import DivergedError, InputError
 from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS, FlightRecord, channel
 from helisim.records.storage import read_record, write_record
@@ -108,8 +107,7 @@ def test_another_process_with_other_threads_writes_the_same_bytes(tmp_path):
     for jobs, environment in (("1", {}), ("2", other)):
         folder = tmp_path / jobs
         folder.mkdir()
-        command = [sys.executable, "-c", SCRIPT, str(folder), jobs]
-        subprocess.run(command, env={**os.environ, **environment}, check=True)
+        python(SCRIPT, folder, jobs, env={**os.environ, **environment})
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
     assert written[0] == written[1]
     assert len(written[0]) == 4
@@ -280,9 +278,9 @@ def test_a_doublet_in_python_flies_as_the_compiled_one(axis, settings):
     flown = [
         fly(vehicle, kind(**{**DOUBLET, "axis": axis}), count=2, seed=3, jobs=2) for kind in KINDS
     ]
-    for compiled, python in zip(*flown):
-        assert np.array_equal(compiled.values, python.values)
-        assert np.ptp(python[axis.upper()]) > 0.08
+    for compiled, plain in zip(*flown):
+        assert np.array_equal(compiled.values, plain.values)
+        assert np.ptp(plain[axis.upper()]) > 0.08
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.001, 1.0 / 3000.0])
