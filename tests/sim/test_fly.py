@@ -93,7 +93,7 @@ def test_flight_that_stopped_is_refused(jr700):
 SCRIPT = """
 import sys
 import helisim as hs
-doublet = hs.Doublet(axis="lat", duration=6.0)
+doublet = hs.Doublet(axis="lat", duration=8.0)
 for k, record in enumerate(hs.fly(hs.load(), doublet, count=2, seed=2**40, jobs=int(sys.argv[2]))):
     for suffix in ("parquet", "csv"):
         hs.write_record(record, f"{sys.argv[1]}/{k}.{suffix}")
