@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling
 
 import interpreted
 from helisim.physics.layout import PARAM
@@ -27,9 +28,26 @@ settings.register_profile(
 settings.load_profile("helisim")
 
 
+LONG = {"docs", "sitl", "study", "test_packaging.py"}
+"""Folders and files of long tests."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the whole experiments: else a worker has one to do when the others are done."""
-    items.sort(key=lambda item: "study" not in item.path.parts)
+    """Begin with what lasts: else a worker has it to do when the others are done."""
+    items.sort(key=lambda item: LONG.isdisjoint(item.path.parts))
+
+
+class Sharing(LoadScopeScheduling):
+    """Gives each file to a worker, but for the commands of pages: to any, one by one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid if "docs/test_pages.py" in nodeid else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Sharing:
+    """Return what shares out the tests."""
+    return Sharing(config, log)
 
 
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")

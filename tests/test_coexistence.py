@@ -177,6 +177,7 @@ def scene(*names, size=320):
     return world
 
 
+@pytest.mark.slow
 def test_helicopters_in_one_scene_fly_as_if_alone(jr700):
     """Two kinds, in one place so that no rounding differs, each with a controller of its own.
 

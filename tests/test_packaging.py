@@ -1,4 +1,4 @@
-"""The wheel works on its own, outside the checkout.
+"""The wheel works on its own, outside the checkout, and where nothing can be written.
 
 The fresh environment sees the dependencies of the environment that runs the tests through a
 path file, so that nothing heavy is downloaded twice. It lists only folders of that
@@ -20,8 +20,9 @@ ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow
 
 
-def run(command: list[str | Path], cwd: Path) -> str:
+def run(command: list[str | Path], cwd: Path, **variables: str) -> str:
     environment = {key: text for key, text in os.environ.items() if key != "PYTHONPATH"}
+    environment |= variables
     asked = {"capture_output": True, "text": True, "check": False}
     done = subprocess.run(command, cwd=cwd, env=environment, **asked)
     assert done.returncode == 0, f"{command} failed:\n{done.stdout}\n{done.stderr}"
@@ -51,7 +52,8 @@ def installed(wheel, tmp_path_factory) -> Path:
     venv.create(home, symlinks=os.name != "nt")
     programs = home / ("Scripts" if os.name == "nt" else "bin")
     python = programs / "python"
-    run([sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", wheel], home)
+    install = ("install", "--no-deps", "--no-compile", wheel)
+    run([sys.executable, "-m", "pip", "--python", python, *install], home)
     ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
     site = Path(run([python, "-c", ask], home).strip())
     ours = {Path(sysconfig.get_path(kind)) for kind in ("purelib", "platlib")}
@@ -77,8 +79,15 @@ def test_the_wheel_holds_what_it_needs_and_finds_its_models(wheel, installed, tm
         "assert 'Sweep' in dir(helisim) and helisim.Sweep(axis='lat').axis == 'lat'\n"
         "print(folder)\n"
     )
-    folder = Path(run([installed / "python", "-c", code], tmp_path).strip())
+    command = [installed / "python", "-B", "-c", code]
+    folder = Path(run(command, tmp_path).strip())
     assert installed.parent in folder.parents
     assert ROOT not in folder.parents
-    assert json.loads(run([installed / "helisim", "vehicle", "linearize", "--json"], tmp_path))
+    # No cache can be written: permissions do not stop root, so its folders are a file instead.
+    (folder / "physics" / "__pycache__").write_text("not a folder")
+    names = ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
+    blocked = dict.fromkeys(names, str(folder / "physics" / "__pycache__" / "cache"))
+    command = [installed / "helisim", "vehicle", "linearize", "--json"]
+    assert json.loads(run(command, tmp_path, PYTHONDONTWRITEBYTECODE="1", **blocked))
+    assert not list(folder.rglob("*.nb[ci]"))
     assert list(tmp_path.iterdir()) == []

@@ -44,6 +44,7 @@ def test_a_controller_of_ones_own_flies(run):
     assert printed.count("the same flight: True") == 2
 
 
+@pytest.mark.slow
 def test_an_agent_of_a_few_lines_flies(run):
     printed = run("fly_in_gymnasium.py", 4)
     assert "heading_error_sine" in printed

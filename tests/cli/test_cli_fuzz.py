@@ -85,7 +85,7 @@ def outcome(arguments):
 
 @pytest.mark.parametrize("command", OPTIONS)
 @given(data=st.data())
-@settings(max_examples=30)
+@settings(max_examples=20)
 def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, data):
     """Status 0 or 1 and an answer, or status 2 and one line: never another exception.
 
@@ -135,6 +135,7 @@ def _note(event, arguments):
         _written.extend(os.fsdecode(one) for one in arguments[:2] if isinstance(one, str | Path))
 
 
+@pytest.mark.slow
 def test_nothing_is_written_outside_the_folder_that_is_named(tmp_path, monkeypatch):
     """Python's own audit tells every file that a flight and what follows it open to write."""
     global _watching

@@ -259,7 +259,7 @@ def test_a_designed_law_has_the_margins_and_the_rejection_that_were_asked_for():
         assert rejection_by_control(law, axis) > 1.05 * wanted * 0.995
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_cost_is_the_least_that_a_scan_of_all_gains_finds():
     specs = small_specs()
     found = designed(specs, margin=0.0)
@@ -363,6 +363,7 @@ def test_a_model_that_no_gain_stabilises_is_said_so():
         designed(plant=SmallPlant(damping=(-30.0, 7.0)))
 
 
+@pytest.mark.slow
 def test_a_design_is_the_same_again_and_judged_by_models_drawn_anew():
     one, other = (designed(models=1, drawn=2) for _ in range(2))
     assert one.to_dict() == other.to_dict()

@@ -24,7 +24,24 @@ PAGES = [page for page in PAGES if "_build" not in page.parts]
 BLOCK = re.compile(
     r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<language>[a-z]+)\n(?P<text>.*?)^```$", re.M | re.S
 )
+SLOW, STUDY = pytest.mark.slow, pytest.mark.study
 RUN = ("python", "sh")
+PLAIN = re.compile(r"(helisim|python \w)[^|>;&$]*")
+"""A command of the shell that a process can do beside others."""
+IN_ONE = """
+import glob, os, runpy, shlex, sys
+
+for line in open("commands.txt"):
+    each = [sorted(glob.glob(word)) or [word] for word in shlex.split(line)]
+    program, *words = sum(each, [])
+    if program == "helisim":
+        from helisim.cli import main  # no sooner than the page does
+
+        assert main(words) == 0, line
+    else:
+        sys.argv, sys.path[0] = words, os.path.dirname(os.path.abspath(words[0]))
+        runpy.run_path(words[0], run_name="__main__")
+"""
 HERE = Path(sys.executable).parent
 
 
@@ -35,9 +52,11 @@ def blocks(page):
 
 
 def program(page, folder):
-    """Return a page as one script, and write the files that it shows into a folder."""
-    lines = ["set -euo pipefail"]
-    python = []
+    """Return a page as a script of bash, and write the files that it shows into a folder.
+
+    One process does all commands of a page, unless one needs the shell: each takes 2 s to start.
+    """
+    lines, python = [], []
     for note, language, text in blocks(page):
         if note.startswith("file: "):
             (folder / note.removeprefix("file: ")).write_text(text)
@@ -48,8 +67,13 @@ def program(page, folder):
                 script.write_text("".join(python) if note == "goes on" else text)
                 lines.append(f"python {script.name}")
             else:
-                lines.append(text)
-    return "\n".join(lines)
+                lines += text.replace("\\\n", " ").splitlines()
+    text = "\n".join(lines)
+    if not all(map(PLAIN.fullmatch, lines)):
+        return f"set -euo pipefail\n{text}"
+    (folder / "commands.txt").write_text(text)
+    (folder / "in_one.py").write_text(IN_ONE)
+    return "python in_one.py"
 
 
 def name(page):
@@ -67,11 +91,11 @@ def test_what_is_not_run_has_a_reason(page):
 LONG = {
     *("design.md", "plant.md", "lqg.md", "law.md"),
     *("reproduce.md", "report.md", "vehicle.md", "notebook.md", "excitation.md"),
-    *("own_log.md", "parm.md", "stock_mujoco.md", "swashplate.md"),
+    *("own_log.md", "parm.md", "stock_mujoco.md", "swashplate.md", "margins.md", "by_hand.md"),
 }
 """Pages of a whole experiment, or of many flights and processes; the README has every door."""
 RUNNING = [
-    pytest.param(one, marks=pytest.mark.study if one.name in LONG else pytest.mark.slow)
+    pytest.param(one, marks=STUDY if one.name in LONG else SLOW)
     for one in PAGES
     if "```sh" in one.read_text()
 ]
@@ -99,8 +123,9 @@ def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
     run(program(page, tmp_path), tmp_path)
 
 
+OTHERS = {"helisim look logs/logger.csv": (), "python scripts/proof/inflow_study.py": STUDY}
 PRINTED = [
-    pytest.param(one[12:], text, marks=[] if "look" in one else pytest.mark.slow, id=one[12:])
+    pytest.param(one[12:], text, marks=OTHERS.get(one[12:], SLOW), id=one[12:])
     for page in PAGES
     for one, _, text in blocks(page)
     if one.startswith("printed by: ")

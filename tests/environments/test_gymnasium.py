@@ -167,6 +167,7 @@ def flown(**settings):
     return b"".join(one.tobytes() for one in said)
 
 
+@pytest.mark.slow
 def test_threads_change_nothing_and_seeds_count_on_or_are_given():
     assert len({flown(threads=threads, **ROUGH) for threads in (1, 2, 3)}) == 1
     env = vector(count=3)

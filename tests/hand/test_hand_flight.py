@@ -88,6 +88,7 @@ def test_a_gentle_descent_lands_and_is_in_the_record(jr700):
     assert not flight.crashed
 
 
+@pytest.mark.slow
 def test_a_hard_landing_is_a_crash_and_the_same_hand_flies_the_same_flight(jr700):
     flight = HandFlight(jr700, assist="level", height=3.0)
     flight.fly(5.0, col=-1.0)

@@ -102,6 +102,7 @@ def sweeps(values, step=1e-3):
     return records
 
 
+@pytest.mark.slow
 def test_the_twin_of_a_log_flies_as_the_models_that_were_identified_of_it(tmp_path):
     """ArduPilot's 1 is the mixer's, which the log says, as it does rotor speed and hover.
 

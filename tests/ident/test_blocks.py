@@ -296,14 +296,16 @@ def test_gusts_that_go_round_a_loop_are_told_and_a_reference_ends_that(records):
         assert abs(joint[name].value - value) < 3.0 * joint[name].standard_error
 
 
-@pytest.mark.parametrize("change", [gusts.open_loop, gusts.calm])
+@pytest.mark.parametrize(
+    "change", [gusts.open_loop, pytest.param(gusts.calm, marks=pytest.mark.slow)]
+)
 def test_gusts_without_a_loop_and_a_loop_without_gusts_are_no_feedback(change):
     (records,) = gusts.fly(change(YAW), 0)
     frf = frequency_response(records, inputs="ped", outputs="r", band=(0.6, 25.0))
     assert frf.evidence == ()
 
 
-@pytest.mark.parametrize("reference", [None, ("PED", "LAT")])
+@pytest.mark.parametrize("reference", [pytest.param(None, marks=pytest.mark.slow), ("PED", "LAT")])
 def test_the_answer_to_a_conditioning_input_is_no_feedback(reference):
     # a mode that rings for 3 s after a sweep of the other axis has passed it
     dice, step, records = np.random.default_rng(0), 0.02, []
@@ -358,7 +360,7 @@ def test_the_bias_that_noise_in_a_loop_makes_is_measured():
     assert np.mean(noise.surprise) < 3.0  # exponential: one of 7 in 10 million
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
     truth = gusts.TRUTHS["hover"]
     flown = gusts.fly(truth, 5, 12)

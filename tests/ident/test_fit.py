@@ -70,6 +70,7 @@ def cost_of(frf, structure):
     return Cost(structure, select(frf, structure, band=None, responses=None, count=20))
 
 
+@pytest.mark.slow
 def test_standard_error_is_the_scatter_of_replicates():
     """The residual-scaled standard error is the scatter; the Cramér-Rao bound is not scaled."""
     fits = [

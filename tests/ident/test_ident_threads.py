@@ -1,13 +1,13 @@
 """Results are the same bits for any number of BLAS threads, and the caller's number is kept."""
 
 import os
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from command import python
 from helisim.ident import frequency_response, identify, structures, verify
 from helisim.records.record import FlightRecord, channel, one_blas_thread
 
@@ -41,15 +41,10 @@ def numbers():
 def test_the_number_of_blas_threads_does_not_matter():
     """One thread or several, set by the environment before numpy loads, give the same bits."""
     code = "import test_ident_threads as t; print(t.numbers().hex())"
-    printed = set()
-    for threads in ("1", "2", "5"):
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
-        command = [sys.executable, "-c", code]
-        folder = os.path.dirname(__file__)
-        done = subprocess.run(
-            command, env=environment, cwd=folder, capture_output=True, text=True, check=True
-        )
-        printed.add(done.stdout)
+    printed, path = set(), os.pathsep.join(sys.path)
+    for threads in ("1", "5"):
+        count = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), threads)
+        printed.add(python(code, env={**os.environ, **count, "PYTHONPATH": path}))
     assert len(printed) == 1
     assert len(printed.pop()) > 1000
 

@@ -88,10 +88,10 @@ CASES = {
 }
 
 
-LARGE = pytest.param("roll and pitch", marks=pytest.mark.slow)
+LARGE = [pytest.param(one, marks=pytest.mark.slow) for one in ("short period", "roll and pitch")]
 
 
-@pytest.mark.parametrize("case", ["short period", "yaw", LARGE])
+@pytest.mark.parametrize("case", ["yaw", *LARGE])
 def test_short_manoeuvres_give_the_truth_within_the_stated_errors(case):
     (structure, truth), moves, (noise, step, band, seeds) = CASES[case]
     errors = []
@@ -138,7 +138,8 @@ def in_time(flights, structure, truth, sigma, fine=4):
     return least_squares(residual, start, x_scale="jac").x[: len(names)]
 
 
-@pytest.mark.parametrize("case", [pytest.param("short period", marks=pytest.mark.slow), "yaw"])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["short period", "yaw"])
 def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
     (structure, truth), moves, (noise, step, _, _) = CASES[case]
     flights = flown(structure, truth, moves, noise, 1, step)
@@ -192,6 +193,7 @@ def test_a_motion_that_no_record_can_show_is_refused():
         frequency_response(flights, inputs="ped", outputs="r", band=(0.8, 20.0))
 
 
+@pytest.mark.slow
 def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
     """16 % of the samples are lost in bursts of up to 250 ms."""
     moves = [("ped", THREETWOONEONE, 0.4, 10.0, 0.1)] * 2

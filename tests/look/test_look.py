@@ -309,6 +309,7 @@ def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
         assert lat.moves
 
 
+@pytest.mark.slow
 def test_two_axes_of_a_table_are_a_helicopters_by_their_names(tmp_path):
     t, own, p, _ = rolled()
     rows = slice(0, None, 20)

@@ -106,10 +106,11 @@ def test_slope_of_the_mass_flow_is_its_derivative(induced, climb, advance):
     )
 
 
+SLOW = [pytest.param(one, marks=pytest.mark.slow) for one in ("climb", "advance")]
 POINTS = [(x, y) for x in (0.05, 0.15) for y in (0.0, 0.02)]
 
 
-@pytest.mark.parametrize("along", ["climb", "advance", "free"])
+@pytest.mark.parametrize("along", [*SLOW, "free"])
 def test_thrust_is_smooth_in_all_directions(along):
     """One-sided slopes agree the better the smaller the step: no jump, no kink.
 

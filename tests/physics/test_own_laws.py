@@ -1,13 +1,8 @@
 """A law of one's own in the process's table, and in a vehicle's ticks."""
 
-import os
-import shutil
-import subprocess
-import sys
 import threading
 from contextlib import nullcontext
 from itertools import product
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -15,9 +10,8 @@ import pytest
 from mujoco import rollout
 
 import helisim as hs
-import interpreted
 from helisim.base.errors import CallbackError, InputError, ModelError
-from helisim.physics import laws, memory, native
+from helisim.physics import laws, memory
 from helisim.physics.gyro import cyclic_law, yaw_law
 from helisim.physics.laws import OwnLaw, Registered, is_registered, token
 from helisim.physics.layout import ACTUATORS, HISTORY, INJECTION, MAGIC, PARAM, STATE
@@ -364,47 +358,6 @@ def test_missing_field_is_one_clear_line(monkeypatch):
     monkeypatch.setattr(memory, "_ctype", lambda node: type(node.name, (), {"opt": None}))
     with pytest.raises(CallbackError, match=mujoco.__version__):
         memory.offsets.__wrapped__()
-
-
-FRESH = """
-import mujoco, helisim, sys
-from helisim.physics.native import installed
-with installed():
-    assert mujoco.get_mjcb_passive() is not None
-print(helisim.__file__)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(interpreted.wanted(), reason="a process of its own, which compiles")
-def test_works_without_a_writable_cache(tmp_path):
-    """Where numba can write its cache nowhere, the callbacks are compiled in memory.
-
-    Permissions do not stop root, so every folder that numba would make is a file instead.
-    """
-    source = Path(native.__file__).resolve().parents[1]
-    package = tmp_path / "helisim"
-    package.mkdir()
-    for name in ("base", "physics"):
-        shutil.copytree(source / name, package / name, ignore=shutil.ignore_patterns("*pyc*"))
-    (package / "__init__.py").write_text("")
-    (package / "physics" / "__pycache__").write_text("not a folder")
-    (tmp_path / "home").write_text("not a folder")
-    blocked = str(tmp_path / "home" / "cache")
-    environment = dict(os.environ)
-    environment |= {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment |= {"HOME": blocked, "XDG_CACHE_HOME": blocked, "NUMBA_CACHE_DIR": blocked}
-    done = subprocess.run(
-        [sys.executable, "-c", FRESH],
-        env=environment,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert str(tmp_path) in done.stdout
-    assert not list(tmp_path.rglob("*.nb[ci]"))
 
 
 def test_a_replacement_inside_the_block_stays():

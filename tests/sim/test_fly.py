@@ -1,14 +1,13 @@
 """Flights: reproducible, complete, honest about failure; faults of servos and recorder."""
 
 import os
-import subprocess
-import sys
 from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
 import pytest
 
+from command import python
 from helisim.base.errors import DivergedError, InputError
 from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS, FlightRecord, channel
 from helisim.records.storage import read_record, write_record
@@ -51,7 +50,7 @@ def test_records_are_complete_and_come_one_by_one_whatever_jobs_and_count(jr700,
     assert record.sample_time == pytest.approx(0.01, rel=1e-9)
 
 
-@pytest.mark.parametrize("duration", [8.0, 30.0, 90.0])
+@pytest.mark.parametrize("duration", [8.0, 30.0, pytest.param(90.0, marks=pytest.mark.slow)])
 def test_record_is_as_long_as_the_flight(jr700, duration):
     excitation = Doublet(axis="ped", duration=duration)
     record = fly(jr700, excitation, jobs=1)[0]
@@ -94,8 +93,8 @@ def test_flight_that_stopped_is_refused(jr700):
 SCRIPT = """
 import sys
 import helisim as hs
-sweep = hs.Sweep(axis="lat", duration=13.0)
-for k, record in enumerate(hs.fly(hs.load(), sweep, count=2, seed=2**40, jobs=int(sys.argv[2]))):
+doublet = hs.Doublet(axis="lat", duration=8.0)
+for k, record in enumerate(hs.fly(hs.load(), doublet, count=2, seed=2**40, jobs=int(sys.argv[2]))):
     for suffix in ("parquet", "csv"):
         hs.write_record(record, f"{sys.argv[1]}/{k}.{suffix}")
 """
@@ -108,8 +107,7 @@ def test_another_process_with_other_threads_writes_the_same_bytes(tmp_path):
     for jobs, environment in (("1", {}), ("2", other)):
         folder = tmp_path / jobs
         folder.mkdir()
-        command = [sys.executable, "-c", SCRIPT, str(folder), jobs]
-        subprocess.run(command, env={**os.environ, **environment}, check=True)
+        python(SCRIPT, folder, jobs, env={**os.environ, **environment})
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
     assert written[0] == written[1]
     assert len(written[0]) == 4
@@ -280,9 +278,9 @@ def test_a_doublet_in_python_flies_as_the_compiled_one(axis, settings):
     flown = [
         fly(vehicle, kind(**{**DOUBLET, "axis": axis}), count=2, seed=3, jobs=2) for kind in KINDS
     ]
-    for compiled, python in zip(*flown):
-        assert np.array_equal(compiled.values, python.values)
-        assert np.ptp(python[axis.upper()]) > 0.08
+    for compiled, plain in zip(*flown):
+        assert np.array_equal(compiled.values, plain.values)
+        assert np.ptp(plain[axis.upper()]) > 0.08
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.001, 1.0 / 3000.0])

@@ -56,6 +56,7 @@ def stepped(model, data, seconds):
     return rows[:, 0], rows[:, 1:4], rows[:, 4:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "slope"), [("RK4", math.radians(10.0)), ("Euler", 0.0)])
 def test_it_stands_for_a_minute_with_its_rotor_stopped(integrator, slope):
     vehicle = hs.load(integrator=integrator)
@@ -102,6 +103,7 @@ def test_a_fall_is_stopped_by_skids_that_give_way(name, integrator):
     assert bounce[len(bounce) // 2 :].max() < 1e-3
 
 
+@pytest.mark.slow
 def test_it_stands_on_a_deck_that_moves(jr700):
     heave = Swing(amplitude=0.5, period=6.0, phase=0.4)
     model, data = standing(jr700, Ground(deck=Deck(heave=heave)))
@@ -187,8 +189,11 @@ def test_ends_and_their_reasons(jr700, plan, why):
 
 @pytest.mark.parametrize(
     "ground",
-    [Ground(slope=0.1), Ground(slope=0.1, uphill=0.5 * math.pi), Ground(deck=SWAYING)],
-    ids=["uphill", "across", "deck"],
+    [
+        pytest.param(Ground(slope=0.1), id="uphill", marks=pytest.mark.slow),
+        pytest.param(Ground(slope=0.1, uphill=0.5 * math.pi), id="across", marks=pytest.mark.slow),
+        pytest.param(Ground(deck=SWAYING), id="deck"),
+    ],
 )
 def test_a_mission_takes_off_and_lands_again(jr700, ground):
     mission = TakeOffHoverLand(height=3.0, hover=3.0)

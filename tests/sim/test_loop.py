@@ -25,11 +25,11 @@ from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import Motion, place, write_motion
 from plates import H3_120
 
-FINER = pytest.param(0.001, "RK4", marks=pytest.mark.slow)
+OTHERS = [pytest.param(*one, marks=pytest.mark.slow) for one in ((0.001, "RK4"), (0.002, "Euler"))]
 
 
 @pytest.mark.parametrize(("axis", "moves"), [("lat", "pq"), ("lon", "qp"), ("ped", "r")])
-@pytest.mark.parametrize(("timestep", "integrator"), [(0.002, "RK4"), FINER, (0.002, "Euler")])
+@pytest.mark.parametrize(("timestep", "integrator"), [(0.002, "RK4"), *OTHERS])
 def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrator):
     """Driven by the recorded sticks, the exact linear model moves as the nonlinear flight does."""
     vehicle = load(timestep=timestep, integrator=integrator)
@@ -94,7 +94,8 @@ def swept(axis, timestep, integrator):
     return {name: getattr(truth, name) for name in SWEPT}
 
 
-@pytest.mark.parametrize("axis", ["lat", pytest.param("ped", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", ["lat", "ped"])
 def test_one_evaluation_a_step_flies_as_four(axis):
     """With Euler's staggered steps every signal of a sweep converges to that of fine RK4 steps.
 

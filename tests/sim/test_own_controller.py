@@ -122,8 +122,8 @@ def test_linearisation_is_what_a_law_flies(kind, latency, timestep):
 
 def test_flights_have_copies_of_an_object(jr700):
     law = own_laws.Counter()
-    one = hs.fly(jr700, FAST, seed=2, count=3, jobs=1, controller=law)
-    two = hs.fly(jr700, FAST, seed=2, count=3, jobs=3, controller=law)
+    one = hs.fly(jr700, FAST, seed=2, count=2, jobs=1, controller=law)
+    two = hs.fly(jr700, FAST, seed=2, count=2, jobs=2, controller=law)
     assert all(map(same, one, two))
     assert law.calls == law.resets == 0
 
@@ -223,10 +223,10 @@ FAILING = {
 }
 
 
-SECONDS = [pytest.param(one, marks=pytest.mark.slow) for one in ("infinite", "native")]
+SECONDS = [pytest.param(one, marks=pytest.mark.slow) for one in ("infinite", "native", "nan")]
 
 
-@pytest.mark.parametrize("how", ["raises", "nan", "divides", *SECONDS])
+@pytest.mark.parametrize("how", ["raises", "divides", *SECONDS])
 def test_a_law_that_fails_ends_the_flight(jr700, how):
     law, why, where = FAILING[how]
     record = hs.fly(jr700, SHORT, controller=law, keep_ended=True, jobs=1)[0]
@@ -290,9 +290,8 @@ def drift(vehicle, hover, law, turbulence, seed):
 
 
 CALM, ROUGH = (None, 1, 0.25), ("light", 2, 2.5)
-SWAPPED = [
-    pytest.param(*one, marks=pytest.mark.slow) for one in [("sweeps", *CALM), ("mission", *ROUGH)]
-]
+SWAPPED = [("mission", *CALM), ("sweeps", *CALM), ("mission", *ROUGH)]
+SWAPPED = [pytest.param(*one, marks=pytest.mark.slow) for one in SWAPPED]
 
 
 @pytest.mark.parametrize(
@@ -301,7 +300,7 @@ SWAPPED = [
     # 0.05 to 0.12 of the gyro's drift. In rough air the loops are as fast as on the gyro, but the
     # law's own hold is softer in a gust: 0.4 to 2.0 in ten seeds. It was 2.5 to 26 with the gains
     # on the gyro, and 0.66 to 1.1 in calm air.
-    [("mission", *CALM), ("sweeps", *ROUGH), *SWAPPED],
+    [("sweeps", *ROUGH), *SWAPPED],
 )
 def test_it_drifts_as_on_the_gyro(jr700, hover, turbulence, seed, most):
     own, held = (drift(jr700, hover, law, turbulence, seed) for law in (hs.Controller(), HOLDS))

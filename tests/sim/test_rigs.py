@@ -136,6 +136,7 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
         loop_gains(still, input="r", output="servo_tail", band=(3.0, 30.0))
 
 
+@pytest.mark.slow
 def test_the_suspension_finds_the_centre_of_gravity(jr700):
     found = rigs.suspension_test(jr700, seed=1)
     assert found["cg distance"].value < 1e-3
@@ -314,6 +315,7 @@ def test_antialias_filter_is_common_to_all_channels():
     assert list(late.values()) == pytest.approx([late["p"]] * len(late), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_rotor_speed_is_recorded_where_it_moves_and_servo_positions_on_request(jr700):
     vehicle = load("jr700", parameters={"drive.governor": "motor"})
     doublet = Doublet(axis="col", amplitude=0.05)

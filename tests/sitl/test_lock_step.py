@@ -16,6 +16,7 @@ import lock_step
 import played_autopilot as played
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.layout import PARAM, STATE
+from helisim.physics.native import installed
 from helisim.sim import Ground, Weather
 from helisim.sitl import Link, Sensed, serve
 from helisim.sitl.aircraft import Aircraft, _steps
@@ -228,8 +229,9 @@ def falling():
 
 
 def held(aircraft, seconds, pulses=LOW):
-    for _ in range(round(1000 * seconds)):
-        aircraft.step(pulses)
+    with installed():  # once: each block that is opened examines the model anew
+        for _ in range(round(1000 * seconds)):
+            aircraft.step(pulses)
     return aircraft.sensed
 
 
@@ -365,9 +367,10 @@ def test_a_hard_landing_ends_the_flight_and_tipping_over_strikes_the_rotor():
 def told(aircraft):
     pulses = np.array(SPOOLED)
     rng = np.random.default_rng(5)
-    for _ in range(300):
-        pulses[:4] = 1300 + rng.integers(0, 400, 4)
-        sensed = aircraft.step(pulses.tolist())
+    with installed():
+        for _ in range(300):
+            pulses[:4] = 1300 + rng.integers(0, 400, 4)
+            sensed = aircraft.step(pulses.tolist())
     return np.concatenate([sensed.force, sensed.gyro, sensed.position, sensed.quaternion])
 
 

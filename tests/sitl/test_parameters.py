@@ -126,6 +126,7 @@ def test_commands_act_when_their_pulses_do():
         np.testing.assert_allclose(found, late, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_gains_are_allowed_where_the_closed_loop_is_stable_with_room():
     """Of k (s + z) e^-sT / (s (s + a) (s + b)), a of either sign: roots with Pade's delay, margins.
 

@@ -187,6 +187,7 @@ def test_a_hold_gives_the_thrust_of_its_height(copter, down, sink, thrust):
     assert pilot.sticks.pitch == pytest.approx(0.1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_sweeps_are_flown_one_after_the_other_in_one_place(copter):
     """Each lasts its wait of 1 s, its time and 2 s; the sticks then rest."""
     copter.parameters |= HELD

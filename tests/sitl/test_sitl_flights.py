@@ -174,14 +174,20 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
         fly_script(script, struck, fake(tmp_path, rest), "")
 
 
+AFTER = [
+    ("raise AutopilotError('SystemID Stopped')", 0, 2, "d; it said last: EKF variance$", 4500),
+    ("pilot.aircraft.data.qpos[2] += 1.0", 0, 2, r"crashed at .*hit the .*last: EKF va", 4900),
+]
+AFTER = [pytest.param(*one, marks=pytest.mark.slow) for one in AFTER]
+
+
 @pytest.mark.parametrize(
     ("does", "dies", "status", "said", "frames"),
     [
         ("signal.raise_signal(signal.SIGTERM)", 0, 130, "interrupted", 500),
         ("signal.raise_signal(signal.SIGINT)", 0, 130, "interrupted", 500),
         ("pass", 700, 2, r"status 7; its last words: EKF variance$", 700),
-        ("raise AutopilotError('SystemID Stopped')", 0, 2, "d; it said last: EKF variance$", 4500),
-        ("pilot.aircraft.data.qpos[2] += 1.0", 0, 2, r"crashed at .*hit the .*last: EKF va", 4900),
+        *AFTER,
     ],
 )
 def test_a_flight_that_ends_early_keeps_log_and_record(

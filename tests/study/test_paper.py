@@ -386,8 +386,14 @@ def own(made, tmp_path, monkeypatch):
     return shutil.copytree(made, tmp_path / "own")
 
 
-@pytest.mark.parametrize("name", vehicle_names())
-@pytest.mark.parametrize("new", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("name", "new"),
+    [
+        pytest.param(name, new, marks=() if new and name == "jr700" else pytest.mark.slow)
+        for name in vehicle_names()
+        for new in (True, False)
+    ],
+)
 def test_nothing_is_wrong_with_the_shipped(name, new, tmp_path):
     vehicle = new_vehicle("own", like=name, to=tmp_path) if new else name
     found = check_vehicle(vehicle)

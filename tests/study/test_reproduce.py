@@ -287,6 +287,7 @@ def shift(fit, good):
     return max(abs(value - one.value) / one.standard_error for value, one in pairs)
 
 
+@pytest.mark.slow
 @tabled("faults", "noted", "errors")
 def test_a_screened_record_gives_the_model_that_it_should(
     jr700, flown, good, faults, noted, errors
@@ -305,6 +306,7 @@ def test_a_screened_record_gives_the_model_that_it_should(
         assert abs(one.value - truth[name]) < one.cramer_rao
 
 
+@pytest.mark.slow
 def test_an_unscreened_record_misleads_and_says_so(flown, good):
     fit = identified(faulty(flown, SPIKES))
     assert shift(fit, good) > 5.0

@@ -38,7 +38,10 @@ def recorder(jr700):
     return Recorder.of(jr700)
 
 
-@pytest.mark.parametrize("model", [YAW_BASE, ROLLPITCH_IN1, HEAVE], ids=lambda one: one.name)
+LARGE = pytest.param(ROLLPITCH_IN1, marks=pytest.mark.slow, id="rollpitch_in1")
+
+
+@pytest.mark.parametrize("model", [YAW_BASE, LARGE, HEAVE], ids=lambda one: one.name)
 def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder, model):
     """Of the exact response, known to a millionth, and no wider than what models are judged by."""
     exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
@@ -92,6 +95,7 @@ def test_the_yaw_gyros_structure_has_all_that_is_in_the_loop(jr700, recorder):
     assert slip == pytest.approx(jr700.derivatives["N_r"] * (1.0 + share), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_an_equivalents_truth_depends_on_the_weights(jr700, recorder):
     """Doubt p/LON around its dip, and the low-order fit gives up something else there."""
     omega = np.geomspace(*ROLLPITCH_IN2.band, 200)

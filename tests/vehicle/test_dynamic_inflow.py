@@ -163,13 +163,14 @@ class Blades:
         return np.vstack([a, b, states[8:]])
 
 
+HALF = [(1.0, "b", 0.0), (-1.0, "a", 0.0), (-1.0, "b", 15.0)]
+HALF = [pytest.param(*one, marks=pytest.mark.slow) for one in HALF]
+"""Of all: each two of the three in all their ways."""
+
+
 @pytest.mark.parametrize(
     ("hand", "axis", "airspeed"),
-    [
-        *((1.0, "a", 15.0), (1.0, "b", 0.0)),
-        *(pytest.param(1.0, *one, marks=pytest.mark.slow) for one in (("a", 0.0), ("b", 15.0))),
-        *(pytest.param(-1.0, x, v, marks=pytest.mark.slow) for x in "ab" for v in (0.0, 15.0)),
-    ],
+    [(1.0, "a", 15.0), *HALF],
 )
 def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
     """A step of cyclic: what the disc's first-order equations make of four blades in that air."""

@@ -33,7 +33,8 @@ def motor():
     return hs.load("jr700", parameters={"drive.governor": "motor"})
 
 
-MORE = ("forward", "autorotation, 60 m and 10 m/s", "roll sweep", "heave sweep")
+MORE = ("forward", "forward in a wind", "autorotation, 60 m and 10 m/s")
+MORE += ("roll sweep", "heave sweep")
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,7 @@ def test_a_flight_s_energy_balances(motor, name):
     assert -1.0 < taken < 0.025 * found.turned_over
 
 
+@pytest.mark.slow
 def test_an_ideal_governor_s_energy_balances(jr700):
     found, _ = flown(jr700, "forward")
     assert np.abs(found.missing).max() < BALANCED * found.turned_over, str(found)

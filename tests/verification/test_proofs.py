@@ -115,13 +115,14 @@ def test_derivatives_about_the_hover_lie_on_a_smooth_curve(name):
 
 verdicts = script.loaded("proof/verdicts")
 
-MORE = ("p and q swapped", "servo lag, quiet", "two trims", "clock 10 % fast")
-MORE += ("rates in deg/s, no attitude", "16 % lost in bursts, filled")
-MORE += ("lat and lon swapped", "2 % dropped, restamped")
+MORE = ("saturates at half", "p and q swapped", "clock 10 % fast", "2 % dropped, restamped")
+OTHERS = ("servo lag, quiet", "two trims", "rates in deg/s, no attitude")
+OTHERS += ("16 % lost in bursts, filled", "lat and lon swapped")
 LONGER = [pytest.param(one, marks=pytest.mark.slow) for one in MORE]
+LONGER += [pytest.param(one, marks=pytest.mark.study) for one in OTHERS]
 
 
-@pytest.mark.parametrize("damage", ["saturates at half", *LONGER])
+@pytest.mark.parametrize("damage", LONGER)
 def test_a_damaged_flight_is_not_sound(damage):
     truth = verdicts.TRUTHS["rollpitch"]
     assert verdicts.judged(truth, verdicts.DAMAGES[damage](truth, 3)).word in ("doubtful", "wrong")

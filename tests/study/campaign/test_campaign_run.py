@@ -133,6 +133,7 @@ trim_time = 0.5
         assert row["estimate"] is row["standard_error"] is row["truth"] is None
 
 
+@pytest.mark.slow
 def test_doubts_are_kept_with_the_estimate(tmp_path, recwarn):
     text = """
 [campaign]
