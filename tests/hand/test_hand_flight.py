@@ -308,6 +308,7 @@ def test_a_key_switches_the_assist_and_too_short_a_recording_says_so(fly, flight
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_joystick_flies_and_may_be_lost(fly, flight):
     sticks = Sticks(Joystick(0, "radio"))
 

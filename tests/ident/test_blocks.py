@@ -305,7 +305,8 @@ def test_gusts_without_a_loop_and_a_loop_without_gusts_are_no_feedback(change):
     assert frf.evidence == ()
 
 
-@pytest.mark.parametrize("reference", [pytest.param(None, marks=pytest.mark.slow), ("PED", "LAT")])
+@pytest.mark.slow
+@pytest.mark.parametrize("reference", [None, ("PED", "LAT")])
 def test_the_answer_to_a_conditioning_input_is_no_feedback(reference):
     # a mode that rings for 3 s after a sweep of the other axis has passed it
     dice, step, records = np.random.default_rng(0), 0.02, []
@@ -374,6 +375,7 @@ def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
     assert "sound" not in [fit.verdict.word for fit, bad in zip(direct, harmful) if bad]
 
 
+@pytest.mark.slow
 def test_gusts_in_a_loop_leave_the_sticks_the_reference(tmp_path, capsys):
     """Gusts that come back are coherent with the input, and make the sticks look idle."""
     (records,) = gusts.fly(replace(YAW, gust=(2.4, 0.5, {"r": 1.0})), 0)

@@ -107,6 +107,7 @@ def answered(low, high, rates=(), count=5000, noises=(1.0, 0.5, 2.0)):
     return answers(record, [one], dict(rates))
 
 
+@pytest.mark.slow
 def test_answers_have_their_coherence_and_the_best_is_first():
     """4 / (4 + noise): 0.80, 0.94, and 0.5, which is not enough; means of 60 lines, 9 windows."""
     found = answered(0.5, 20.0)

@@ -229,6 +229,7 @@ def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):
     assert main(shlex.split(command)[1:]) == 0
 
 
+@pytest.mark.slow
 def test_a_closed_loop_is_told(tmp_path):
     t = np.arange(0.0, 80.0, 0.01)
     random = np.random.default_rng(0)
@@ -288,6 +289,7 @@ def flown(
     return path
 
 
+@pytest.mark.slow
 def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
     """Of a small motion alone, percent and deg/s would be taken for 1 and rad/s."""
     small = flown(tmp_path / "a.csv", lat=0.02)
@@ -341,6 +343,7 @@ def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
     assert not answers(record, [whole(record, "lat")], {})
 
 
+@pytest.mark.slow
 def test_one_doublet_of_a_long_log_is_taken_by_itself(tmp_path):
     """By the likelihood of its surroundings; a doublet of 2 s shows no line below 0.5 rad/s."""
     fine, step = np.arange(60_000) / 1000.0, 0.001
