@@ -121,7 +121,7 @@ def report(o: Options) -> int:
     if o.source.is_file():
         from helisim.cli.design import tune_logs
 
-        o.json, o.rpm, o.tail_ratio, o.logs = None, None, None, [o.source]
+        o.json, o.rpm, o.tail_ratio, o.dump, o.logs = None, None, None, None, [o.source]
         o.report, o.out = map(o.source.with_suffix, (".html", ".param"))
         return tune_logs(o)
     from helisim.show.report import write_report

@@ -237,15 +237,33 @@ def search(
         axis: Gains(0.0, _CORNER * ff, 0.0, ff, _FIRST, tried[axis][0])
         for axis, ff in ahead.items()
     }
+    rows = {axis: _rows(law, axis, one) for axis, one in tried.items()}
     for closer in (None, *_CLOSER):
         for axis, needed in required.items():
-            found[axis] = _best(known, law, axis, found, closer, needed, held, tried[axis])
+            found[axis] = _best(
+                known, law, rows[axis], axis, found, closer, needed, held, tried[axis]
+            )
     return found
+
+
+def _rows(
+    law: Callable[[Mapping[str, Gains]], Linear], axis: str, slopes: Sequence[float]
+) -> Complex:
+    """Return what an axis's command has of all that is sensed, (n_term, 2, n_sensed, n_freq).
+
+    It is for a unit of P, I, FF, and D by each filter, without and with the attitude's gain.
+    """
+    without = Gains(0.0, 0.0, 0.0, 0.0, 0.0)
+    terms = [without._replace(**{name: 1.0}) for name in ("p", "i", "ff")]
+    terms += [without._replace(d=1.0, slope_hz=hertz) for hertz in slopes]
+    found = [[_Known.of(law({axis: one._replace(angle=by)})) for by in (0.0, 1.0)] for one in terms]
+    return np.array([[each.responses[each.outputs.index(axis)] for each in two] for two in found])
 
 
 def _best(
     plants: Sequence[_Known],
     law: Callable[[Mapping[str, Gains]], Linear],
+    rows: Complex,
     axis: str,
     now: Mapping[str, Gains],
     closer: float | None,
@@ -255,20 +273,8 @@ def _best(
 ) -> Gains:
     """Return the best gains of one axis of a grid, or of random ones as near as `closer` to now."""
     p, _, d, ff, angle, slope = now[axis]
-    without = Gains(0.0, 0.0, 0.0, 0.0, 0.0, slope)
+    without = now[axis]._replace(p=0.0, i=0.0, d=0.0, ff=0.0, angle=0.0)
     others = _Known.of(law({**now, axis: without}))
-    terms = [without._replace(**{name: 1.0}) for name in ("p", "i", "ff")]
-    terms += [without._replace(d=1.0, slope_hz=hz) for hz in slopes]
-    own_row = others.outputs.index(axis)
-    rows = np.array(
-        [
-            [
-                law({**now, axis: one._replace(angle=by)}).response(BAND)[own_row]
-                for by in (0.0, 1.0)
-            ]
-            for one in terms
-        ]
-    )
     own = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
     unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(own)))
     apart = 2 if len(slopes) > 1 else 1  # as many gains with several filters, D in wider steps
@@ -423,8 +429,7 @@ class _Cut(NamedTuple):
     ) -> "_Cut":
         """Return it by a law without this axis, and what the command has of all that is sensed.
 
-        `rows`, (n_term, 2, n_sensed, n_freq), are for a unit of each term, without and with the
-        attitude's gain. The stablest of `some` gains, (6, n_gains), tell which are stable.
+        `rows` are as of `_rows`. The stablest of `some` gains, (6, n_gains), tell which are stable.
         """
         moved = ClosedLoop(plant, others, BAND).reached("actuators", axis)
         seen = [name for name in others.inputs if name in plant.outputs]
