@@ -76,6 +76,15 @@ def test_without_tones_or_fast_messages_nothing_is_proposed(tmp_path):
     assert "set INS_LOG_BAT_MASK 1" in slow.remarks[0]
 
 
+def test_a_loop_that_oscillates_gets_no_notch(tmp_path):
+    """At 10.6 Hz with harmonics, which look as a rotor's."""
+    found = vibration(
+        a_log(tmp_path, batches=shaken(IN_FLIGHT, {0.375: 2.5, 0.75: 0.1, 1.125: 0.2}))
+    )
+    assert not found.settings
+    assert any("a loop oscillates" in one for one in found.remarks)
+
+
 @pytest.mark.parametrize(("rpm", "mode", "ref"), [(0.0, 0.0, 0.0), (600.0 * MAIN, 2.0, 0.1)])
 def test_a_notch_follows_rpm_messages_that_are_live_alone(tmp_path, rpm, mode, ref):
     found = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT), rpm=rpm))

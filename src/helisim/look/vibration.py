@@ -39,6 +39,7 @@ _ABOVE, _BAND, _LOWEST = 10.0, 24.0, 8.0
 _ROTORS, _RATIOS = (8.0, 70.0), (2.5, 12.0)  # Hz of main rotors, turns of tail rotors for one
 _COMB, _HARMONICS = 4, 16  # multiples that find a rotor, and that a notch may have
 _SLACK, _DRIFT = 0.006, 0.015  # shares of a frequency: of a multiple, and of a peak's half width
+_OSCILLATES = 0.2  # of full command: ten times what the JR700's rotor out of balance moves
 _FELT = 1e-3  # of full command: half a microsecond of a servo's 500, which are whole ones
 # Of a notch: width over its centre, least width, Hz, and dB; over a rotor's speed, where it stays.
 _WIDTH, _NARROWEST, _DEPTH, _UNDER = 0.35, 5.0, 40.0, 0.9
@@ -194,8 +195,9 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
         sizes = _amplitudes(frequency, gyros.behind(law, today), tones)
         return np.einsum("cik,ki->kc", gains, sizes).max(axis=1)
 
-    then, settings = today, dict[str, float]()
-    if any(n and size >= _FELT for (_, n), size in zip(turns, felt(today))):
+    then, settings, moved = today, dict[str, float](), felt(today)
+    loudest = float(moved.max(initial=0.0))
+    if loudest < _OSCILLATES and any(n and size >= _FELT for (_, n), size in zip(turns, moved)):
         plain = felt(replace(today, notches=()))  # of notches that are there, too
         asked = [one for one, size in zip(turns, plain) if size >= _FELT]
         settings, notches = _notches(asked, {"main": rotor, "tail": tail * rotor}, follows)
@@ -208,13 +210,15 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
         [RATES[k] for k in sizes[0].argmax(axis=1)],
         [f"{n}/rev of {which}" if n else "" for which, n in turns],
         *(one.max(axis=1).tolist() for one in sizes),
-        felt(today).tolist(),
+        moved.tolist(),
     )
     said = {
         f"{message} says {speed:.4g} Hz, {speed / rotor:.4g} times the main rotor's": message,
         "no message tells the rotor's speed; it is what most tones are multiples of": (
             rotor == rotor and not (message or rotor_hz)
         ),
+        f"a tone moves the servos by {100.0 * loudest:.0f} % of full travel: a loop oscillates, "
+        "which no notch mends; lower its P, D and angle gain": loudest >= _OSCILLATES,
         f"{gyros.name} is logged behind the gyro's filters, and what is above {0.5 * gyros.rate:g} "
         f"Hz appears below it: to see all, {SET}": gyros.filtered,
     }
