@@ -25,8 +25,16 @@ def logs(tmp_path_factory):
     return [Flown().fly(axis).save(folder, f"{axis}.bin") for axis in (10, 11, 12)]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def fewer_draws():
+    """Half as many: ends of an interval of 95 % are then the third of 100."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(log_tune, "DRAWS", 100)
+        yield
+
+
 @pytest.fixture(scope="module")
-def tuned(logs):
+def tuned(logs, fewer_draws):
     return tune_log(logs)
 
 
