@@ -43,7 +43,8 @@ _CORNER = 0.5  # rad/s, of the integral
 _SLOWEST = 2.0  # rad/s, below which no attitude is held
 # Share of an octave of rejection that an octave of noise costs: on the JR700 half an octave more of
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
-_NOISE = (0.25, 0.05)  # The second within a ceiling, up to which noise is allowed
+_NOISE = 0.25
+_ALLOWED = 0.05  # The same where noise has a ceiling: below it little is gained by less
 _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below which less buys little
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
@@ -356,7 +357,7 @@ class _Closed(NamedTuple):
         left = 1.0 / (1.0 + self.loop)
         by_rate = (1.0 + self.by_rate) * left
         error = np.hypot(required.rate / _rejected(left), required.attitude / _rejected(by_rate))
-        price = _NOISE[bool(required.noise < np.inf)]
+        price = _ALLOWED if required.noise < np.inf else _NOISE
         return -np.log(error) - price * np.log(_QUIET + self.noise(unit))
 
     def keeps(self, required: Required) -> NDArray[np.bool_]:
