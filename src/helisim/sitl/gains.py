@@ -278,7 +278,7 @@ def _best(
     others = _Known.of(law({**now, axis: without}))
     own = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
     unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(own)))
-    apart = 2 if len(slopes) > 1 else 1  # as many gains with several filters, D in wider steps
+    apart = 2 if len(slopes) > 1 else 1  # about as many gains with several filters
     grid = np.array(np.meshgrid(_P[::apart] * unit, _D, held[::apart], slopes)).reshape(4, -1)
     grid[1] *= grid[0]
 
@@ -292,7 +292,7 @@ def _best(
     by = np.exp((closer or 0.0) * random.standard_normal((3, _NEAR)))
     hertz = np.where(random.random(_NEAR) < 0.5, slope, random.choice(slopes, _NEAR))
     near = np.vstack([np.array([[p], [d], [angle]]) * by, hertz])
-    near[:, 0] = p, d, angle, slope
+    near[:, 0] = p, d, angle, slope  # as now: no round makes it worse
     near[2] = np.minimum(near[2], held[-1])
     for tried in (grid,) if closer is None else (near, grid):
         gains = gains_of(tried)
