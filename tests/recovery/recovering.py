@@ -1,6 +1,5 @@
 """What a user would get from an aircraft's records with default options, against its truth."""
 
-import time
 import warnings
 from dataclasses import dataclass
 
@@ -16,23 +15,16 @@ from helisim.records.record import FlightRecord
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recovery:
-    """One replicate, with processor times."""
+    """One replicate."""
 
     fit: Fit
     excess: dict[str, float]  # |error| of each parameter over its bound
     points: NDArray[np.float64]  # |error| of each usable point over its stated error
-    response_seconds: float
-    fit_seconds: float
 
     @property
     def inside(self) -> int:
         """How many parameters are inside their bounds."""
         return sum(value <= 1.0 for value in self.excess.values())
-
-    @property
-    def worst(self) -> str:
-        """The parameter furthest off in terms of its bound."""
-        return max(self.excess, key=self.excess.__getitem__)
 
     @property
     def share(self) -> float:
@@ -43,17 +35,12 @@ class Recovery:
 def recover(aircraft: Aircraft, seed: int, estimator: str = "local") -> Recovery:
     """Fly an aircraft and identify it as `helisim identify` does, without options or with one."""
     records = aircraft.fly(seed)
-    begun = time.process_time()
     frf = estimated(aircraft, records, estimator)
-    between = time.process_time()
     fit = identify(frf, aircraft.structure)
-    ended = time.process_time()
     return Recovery(
         fit=fit,
         excess=excess(fit, aircraft),
         points=point_errors(frf, aircraft)[frf.usable()],
-        response_seconds=between - begun,
-        fit_seconds=ended - between,
     )
 
 
