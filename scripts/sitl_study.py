@@ -339,7 +339,7 @@ def judged_loops(log: Path, *, own: bool) -> list[str]:
 def flown(whose: str, log: Path) -> Path:
     print(f"{whose} is flown", flush=True)
     if whose == HELI:
-        heli_flights.main(str(log), whose)
+        heli_flights.main(log, whose)
     elif command(["sitl", "--vehicle", JR700, *FLIGHTS[whose].split(), "--log", str(log)]):
         sys.exit(f"{whose} was not flown to its end")
     return log

@@ -10,12 +10,14 @@ copter-heli.parm, are read from the folder in which it is.
 """
 
 import select
+from collections.abc import Callable
 from pathlib import Path
 
 import common
 import numpy as np
 
 from helisim.base.errors import AutopilotError, InputError, check_known
+from helisim.sim.weather import Weather
 from helisim.sitl import Sensed
 from helisim.sitl.pilot import Pilot, Steps, Telemetry
 from helisim.sitl.process import Autopilot, find_program
@@ -37,6 +39,11 @@ class Seen:
 
     def __init__(self, heard: Telemetry) -> None:
         self._heard, self.rotor_speed = heard, 0.0
+        self.weather = Weather()  # its own is its parameters'
+
+    @property
+    def stands(self) -> bool:
+        return self.sensed.position[2] > -0.5
 
     @property
     def sensed(self) -> Sensed:
@@ -52,17 +59,14 @@ def time_of(heard: Telemetry) -> float:
     return 1e-3 * float(np.nan_to_num(heard.numbers("ATTITUDE", "time_boot_ms")[0]))
 
 
-def swept(pilot: Pilot, low: float, high: float) -> Steps:
+def swept(pilot: Pilot, low: float, high: float, axes: tuple[str, ...] = AXES) -> Steps:
     yield from pilot.take_off(HEIGHT)
-    for sweep in sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06):
+    for sweep in sweeps(axes, start_hz=low, stop_hz=high, magnitude=0.06):
         yield from pilot.go_to(0.0, 0.0, HEIGHT)
         pilot.say(str(sweep))
         yield from fly_sweep(pilot, sweep)
     yield from pilot.go_to(0.0, 0.0, 5.0)
-    pilot.say("landing")
-    yield from pilot.mode("land")
-    yield from pilot.until(lambda: not pilot.telemetry.armed, "it lands and disarms itself", 120.0)
-    yield from pilot.wait(5.0)  # its log's end is written
+    yield from pilot.land()
 
 
 def listen(autopilot: Autopilot, pilot: Pilot) -> None:
@@ -79,7 +83,10 @@ def listen(autopilot: Autopilot, pilot: Pilot) -> None:
     pilot.sensed = pilot.aircraft.sensed
 
 
-def main(log: str, model: str = "heli", program: str = "") -> None:
+def fly(
+    log: Path, model: str, script: Callable[[Pilot], Steps], parameters: str = "", program: str = ""
+) -> None:
+    """Fly a script with ArduPilot's own parameters and further ones, and keep the log."""
     check_known("helicopter of ArduPilot's", [model], SWEPT)
     path = find_program(program or None)
     beside = path.parent / "copter-heli.parm"
@@ -87,12 +94,12 @@ def main(log: str, model: str = "heli", program: str = "") -> None:
         raise InputError(
             f"{beside}: no such file; copy it from Tools/autotest/default_params of ArduPilot"
         )
-    defaults = beside.read_text(encoding="ascii")
-    text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
+    own = "".join(f"\n{name} {value}" for name, value in _OWN.items())
+    text = f"{beside.read_text(encoding='ascii')}{own}\n{parameters}\n"
     with Autopilot(path, text, speed=SPEED, more=("--model", model)) as autopilot:
         heard = Telemetry(autopilot.telemetry)
         pilot = Pilot(Seen(heard), heard, lambda said: print(f"{time_of(heard):7.1f} s  {said}"))
-        steps = swept(pilot, *SWEPT[model])
+        steps = script(pilot)
         sticks = step = 0.0
         while True:
             listen(autopilot, pilot)
@@ -104,8 +111,12 @@ def main(log: str, model: str = "heli", program: str = "") -> None:
             if now >= sticks:
                 sticks = now + _STICKS
                 heard.speak(pilot.sticks.pulses)
-        autopilot.keep_log(Path(log))
+        autopilot.keep_log(log)
     print(f"Written: {log}")
+
+
+def main(log: Path, model: str = "heli", program: str = "") -> None:
+    fly(log, model, lambda pilot: swept(pilot, *SWEPT[model]), program=program)
 
 
 if __name__ == "__main__":

@@ -570,6 +570,6 @@ def _changed(
     for name, value in _named(axis, gains).items():
         short = "ANG" if "_ANG_" in name else name.split("_")[-1]
         within = error if short == "FF" else None
-        if value != own[name]:
+        if value != own[name] and (gains.d or short != "FLTD"):  # without D its filter stays
             found.append(Changed(name, own[name], value, _WHYS[short], within))
     return tuple(found)
