@@ -20,6 +20,7 @@ import numpy as np
 
 import helisim as hs
 from helisim.base.linear import LinearSystem
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.predicted import PredictedLoop
 from helisim.study.rotorflight_tune import Feedback, tune_blackbox
 
@@ -30,6 +31,9 @@ import rotorflight_flights as flights  # pyright: ignore[reportMissingImports]
 
 SEEN = ("p", "q", "r", "phi", "theta", "psi")
 FIGURES = ("crossover", "phase_margin", "gain_margin", "DRB", "DRP")
+LOWEST = (
+    2.0  # rad/s, from which flights tell models: below it the pilot holds the hover's slow mode
+)
 WITHIN = {"gain_margin": 1.0, "phase_margin": 5.0}  # dB, degrees
 WORDS = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 
@@ -49,7 +53,8 @@ def main(
     exact = exact_of(flown, period)
 
     def figures(own: hs.Rotorflight) -> PredictedLoop:
-        return PredictedLoop.of([exact] * 3, Feedback(own, period, {}))
+        feedback, band = Feedback(own, period, {}), np.geomspace(LOWEST, np.pi / period, 500)
+        return PredictedLoop(exact, feedback, band, (ClosedLoop(exact, feedback, band),) * 2)
 
     today = figures(law)
     for seed in range(1, seeds + 1):

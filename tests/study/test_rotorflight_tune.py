@@ -158,7 +158,9 @@ def test_a_flight_without_information_is_refused(tmp_path):
     """Sticks at rest, gusts alone: feedback without a reference would give the law's inverse."""
     found = tune_blackbox([str(saved(tmp_path, flown(60.0, sticks=0.0)))])
     assert not found.axes
-    assert all("no model of" in one and "quick stops" in one for one in found.remarks)
+    remarks = [one for one in found.remarks if "vibration" not in one]  # no gyroRAW is logged
+    assert remarks
+    assert all("no model of" in one and "quick stops" in one for one in remarks)
 
 
 def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):

@@ -4,7 +4,8 @@ Sources: Welch (1967) for spectra; ArduPilot, "Traditional Helicopter notch filt
 libraries/Filter for notches, libraries/AP_InertialSensor/BatchSampler for batches (ISBH, ISBD).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -12,11 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import find_peaks, sosfilt, welch
+from scipy.signal import csd, find_peaks, sosfilt, welch
 
-from helisim.base.arrays import Real
+from helisim.base.arrays import Complex, Real
 from helisim.base.settings import Value, to_plain
 from helisim.handling.arducopter import GYRO_RATE, NOTCHES, ArduCopterLaw, Notch
+from helisim.logs.blackbox import Blackbox
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.sweeps import usual_step
@@ -29,6 +31,7 @@ _MESSAGES = {
     "IMU": (("GyrX", "GyrY", "GyrZ"), 1.0, True),
     "RATE": (("R", "P", "Y"), np.pi / 180.0, True),
 }
+_GYROS = ("gyroRAW", "gyroADC")  # Blackbox's, before and behind the gyro's filters
 _GYRO = 1  # ISBH's type of a gyro
 _EVENTS, _LANDS = (28, 18), 3.0  # EV's numbers of lift-off and landing, and s before the latter
 _SPEEDS = (("RPM", "RPM"), ("RPM", "rpm1"), ("ESC", "RPM"))  # messages and fields, 1/min
@@ -56,7 +59,8 @@ class Peak:
 
     `above` is in dB over the floor beside it, `name` such as "2/rev of main", "" where it is no
     multiple of either rotor's speed. Amplitudes, rad/s, are as `logged`, `now` behind today's
-    filters, and what would be `left`; `felt` is what today's law makes of it, 1 being full command.
+    filters, and what would be `left`, None where nothing is proposed; `felt` is what today's law
+    makes of it, 1 being full command.
     """
 
     frequency: float
@@ -65,7 +69,7 @@ class Peak:
     name: str
     logged: float
     now: float
-    left: float
+    left: float | None
     felt: float
 
 
@@ -76,7 +80,8 @@ class Vibration(Value):
     They are as logged in messages `source`, `rate` samples a second, behind today's filters of the
     gyro, and what the proposed ones would leave. `rotor` is Hz, `tail` the turns of the tail
     rotor for one of it, NaN if unknown. `settings` are proposed parameters, none if no tone asks
-    for them; `laws` have today's filters and the proposed ones, at `rotor` where they follow it.
+    for them, and `notches` are those. `filters` are the gyro's today and as proposed, at `rotor`
+    where they follow it: responses, (n_freq,), at rad/s; without the latter nothing is proposed.
     """
 
     source: str
@@ -86,8 +91,9 @@ class Vibration(Value):
     rotor: float
     tail: float
     peaks: tuple[Peak, ...]
-    laws: tuple[ArduCopterLaw, ArduCopterLaw] = field(repr=False)
+    filters: tuple[Callable[[Real], Complex], ...] = field(repr=False)
     settings: Mapping[str, float] = field(default_factory=dict)
+    notches: tuple[Notch, ...] = ()
     remarks: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,10 +107,10 @@ class Vibration(Value):
             "remarks": list(self.remarks),
         }
 
-    def lag(self, frequency: float) -> tuple[float, float]:
+    def lag(self, frequency: float) -> tuple[float, ...]:
         """Return the lag of the gyro's filters at rad/s, deg: today's, and the proposed ones'."""
-        today, then = (law.gyro(np.array([frequency]))[0] for law in self.laws)
-        return -float(np.angle(today, deg=True)), -float(np.angle(then, deg=True))
+        there = np.array([frequency])
+        return tuple(-float(np.angle(one(there)[0], deg=True)) for one in self.filters)
 
 
 class _Gyros(NamedTuple):
@@ -113,7 +119,7 @@ class _Gyros(NamedTuple):
     name: str
     rate: float
     parts: list[Real]
-    filtered: bool
+    filtered: bool = False
 
     @property
     def window(self) -> int:
@@ -169,20 +175,14 @@ def vibration(
     law, nan = ArduCopterLaw.of(log.parameters()), float("nan")
     slow = f"too little of its gyros is logged {_SLOWEST:g} times a second or faster: {SET}"
     spectra = np.zeros((3, 3, 0))
-    return Vibration("", nan, spectra[0, 0], spectra, nan, nan, (), (law, law), remarks=(slow,))
+    both = law.gyro, law.gyro
+    return Vibration("", nan, spectra[0, 0], spectra, nan, nan, (), both, remarks=(slow,))
 
 
 def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | None) -> Vibration:
     today = ArduCopterLaw.of(log.parameters())
     frequency, logged = gyros.spectra()
-    line, level = float(frequency[1]), 10.0 * np.log10(np.maximum(logged, 1e-30))
-    above = level - median_filter(level, size=(1, round(_BAND / line)), mode="nearest")
-    highest = np.where(frequency < _LOWEST, 0.0, above.max(axis=0))
-    near = [slice(k - 2, k + 3) for k in find_peaks(highest, _ABOVE, distance=3)[0].tolist()]
-    tones = {
-        float(np.average(frequency[one], weights=logged[:, one].sum(axis=0))): max(highest[one])
-        for one in near
-    }
+    line, tones = float(frequency[1]), _tones(frequency, logged)
     message, speed = _sensed(log)
     follows = speed if message == "RPM" else 0.0
     rotor = rotor_hz or _comb(tones, line) or follows or float("nan")
@@ -203,15 +203,7 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
         settings, notches = _notches(asked, {"main": rotor, "tail": tail * rotor}, follows)
         then = replace(today, notches=notches)
     spectra = np.array([logged, gyros.behind(today, today), gyros.behind(then, today)])
-    sizes = [_amplitudes(frequency, one, tones) for one in spectra]
-    columns = (
-        [*tones],
-        [float(one) for one in tones.values()],
-        [RATES[k] for k in sizes[0].argmax(axis=1)],
-        [f"{n}/rev of {which}" if n else "" for which, n in turns],
-        *(one.max(axis=1).tolist() for one in sizes),
-        moved.tolist(),
-    )
+    peaks = _peaks(frequency, spectra, tones, turns, moved)
     said = {
         f"{message} says {speed:.4g} Hz, {speed / rotor:.4g} times the main rotor's": message,
         "no message tells the rotor's speed; it is what most tones are multiples of": (
@@ -223,10 +215,82 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
         f"Hz appears below it: to see all, {SET}": gyros.filtered,
     }
     return Vibration(
-        gyros.name, gyros.rate, frequency, spectra, rotor, tail,
-        tuple(Peak(*row) for row in zip(*columns)), (today, then), settings,
+        *(gyros.name, gyros.rate, frequency, spectra, rotor, tail, peaks, (today.gyro, then.gyro)),
+        settings,
+        then.notches,
         tuple(text for text, holds in said.items() if holds),
-    )  # fmt: skip
+    )
+
+
+def blackbox_vibration(log: Blackbox, felt: Callable[[Real], Complex]) -> Vibration | str:
+    """Return the vibration in a Blackbox log, with today's filters as they are logged, or why none.
+
+    The gyro is in it before and behind its filters. `felt` returns commands, full ones being 1,
+    over rates, (n_command, 3, n_freq) at rad/s. Nothing is proposed.
+    """
+    before, behind = ([f"{name}[{k}]" for k in range(3)] for name in _GYROS)
+    time, names = log.time(), ("headspeed", "tailspeed")
+    if missing := {*before, *behind} - {*log.columns}:
+        return f"vibration isn't told without {', '.join(sorted(missing))} in the log"
+    speed, tail = (log[one] / 60.0 if one in log.columns else 0.0 * time for one in names)
+    here = speed >= _UNDER * np.median(speed)
+    step = usual_step(time, [(time[here][0], time[here][-1])])[0]
+    columns = [np.radians(log[one])[here] for one in (*before, *behind)]
+    even = _even(time[here], step, columns)
+    pair = even[:, :3], even[:, 3:]
+    raw, now = (_Gyros(source, 1.0 / step, [one]) for source, one in zip(_GYROS, pair))
+    if not raw.enough:
+        return f"vibration isn't told: the gyro is logged {raw.rate:.0f} times a second"
+    frequency, logged = raw.spectra()
+    line, tones = float(frequency[1]), _tones(frequency, logged)
+    rotor = float(np.median(speed[here])) or _comb(tones, line) or math.nan
+    turned = float(np.median(tail[here])) / rotor or _tail(tones, rotor, line)
+    turns = [_turns(at, rotor, turned, raw.rate, line) for at in tones]
+    spectra = np.array([logged, now.spectra()[1]])
+    sizes = _amplitudes(frequency, spectra[1], tones)
+    moved = np.einsum("cik,ki->kc", np.abs(felt(2.0 * np.pi * np.array([*tones]))), sizes)
+    both = csd(pair[0], pair[1], raw.rate, nperseg=raw.window, axis=0)[1].sum(axis=1)
+    ratio = both / logged.sum(axis=0)
+
+    def filters(at: Real) -> Complex:
+        return np.interp(at, 2.0 * np.pi * frequency, ratio)
+
+    peaks = _peaks(frequency, spectra, tones, turns, moved.max(axis=1))
+    return Vibration(raw.name, raw.rate, frequency, spectra, rotor, turned, peaks, (filters,))
+
+
+def _tones(frequency: Real, logged: Real) -> dict[float, float]:
+    """Return tones, Hz -> dB over the floor, of spectra, (3, n_freq)."""
+    line, level = float(frequency[1]), 10.0 * np.log10(np.maximum(logged, 1e-30))
+    above = level - median_filter(level, size=(1, round(_BAND / line)), mode="nearest")
+    highest = np.where(frequency < _LOWEST, 0.0, above.max(axis=0))
+    near = [slice(k - 2, k + 3) for k in find_peaks(highest, _ABOVE, distance=3)[0].tolist()]
+    return {
+        float(np.average(frequency[one], weights=logged[:, one].sum(axis=0))): max(highest[one])
+        for one in near
+    }
+
+
+def _peaks(
+    frequency: Real,
+    spectra: Real,
+    tones: Mapping[float, float],
+    turns: Iterable[tuple[str, int]],
+    moved: Real,
+) -> tuple[Peak, ...]:
+    """Return tones in spectra as logged, behind today's filters and, if there, proposed ones."""
+    sizes = [_amplitudes(frequency, one, tones) for one in spectra]
+    largest = [one.max(axis=1).tolist() for one in sizes]
+    columns = (
+        [*tones],
+        [float(one) for one in tones.values()],
+        [RATES[k] for k in sizes[0].argmax(axis=1)],
+        [f"{n}/rev of {which}" if n else "" for which, n in turns],
+        *largest,
+        *[[None] * len(tones)] * (3 - len(largest)),
+        moved.tolist(),
+    )
+    return tuple(Peak(*row) for row in zip(*columns))
 
 
 def _sources(log: DataFlash) -> Iterator[_Gyros]:
@@ -253,12 +317,17 @@ def _sources(log: DataFlash) -> Iterator[_Gyros]:
         here = (table.time > start) & (table.time < stop)
         step = usual_step(table.time, [(start, stop)])[0]
         if step:
-            gone = np.rint(np.diff(table.time[here], prepend=table.time[here][0]) / step)
-            ticks, first = np.unique(np.cumsum(gone), return_index=True)
-            even = np.arange(ticks[-1] + 1.0)
-            columns = [np.asarray(table[one], np.float64)[here][first] for one in fields]
-            part = factor * np.column_stack([np.interp(even, ticks, one) for one in columns])
+            columns = [np.asarray(table[one], np.float64)[here] for one in fields]
+            part = factor * _even(table.time[here], step, columns)
             yield _Gyros(name, 1.0 / step, [part], behind is True or _is_set(own, behind))
+
+
+def _even(time: Real, step: float, columns: Iterable[Real]) -> Real:
+    """Return columns, (n_time,) each, at even steps, (n, n_column); gaps are bridged."""
+    gone = np.rint(np.diff(time, prepend=time[0]) / step)
+    ticks, first = np.unique(np.cumsum(gone), return_index=True)
+    even = np.arange(ticks[-1] + 1.0)
+    return np.column_stack([np.interp(even, ticks, one[first]) for one in columns])
 
 
 def _is_set(own: Mapping[str, float], bit: tuple[str, int]) -> bool:

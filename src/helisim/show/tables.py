@@ -358,6 +358,9 @@ def _within(found: Interval | None) -> str:
     return f"{value} ({low}-{high})"
 
 
+_WHEN = " deg today", " with notches"
+
+
 def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
     """Return the tones of a log's gyros, and what notches leave of them.
 
@@ -366,14 +369,15 @@ def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
     rows = [
         (
             *(number(one.frequency, ".1f"), one.name or "-", one.axis, number(one.above, ".0f")),
-            *numbers((degrees(size) for size in (one.logged, one.now, one.left)), ".2g"),
+            *numbers((degrees(size) for size in (one.logged, one.now)), ".2g"),
+            number(None if one.left is None else degrees(one.left), ".2g"),
             number(100.0 * one.felt, ".2g"),
         )
         for one in shown.peaks
     ]
     lags = [
-        "lag of the gyro's filters in {} at {:.3g} rad/s: {:.1f} deg today, {:.1f} with notches"
-        "".format(word, at, *shown.lag(at))
+        f"lag of the gyro's filters in {word} at {at:.3g} rad/s: "
+        + ", ".join(f"{lag:.1f}{when}" for lag, when in zip(shown.lag(at), _WHEN))
         for word, at in crossovers.items()
     ]
     found = {
@@ -381,7 +385,7 @@ def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
         "main rotor {:.4g} Hz": shown.rotor,
         "tail {:.3g} times": shown.tail,
     }
-    if shown.source:
+    if shown.source and shown.filters[1:]:
         proposed = ", ".join(f"{name} {value:g}" for name, value in shown.settings.items())
         lags.append(f"proposed: {proposed or 'no notch, as no tone of a rotor moves the servos'}")
     return table(

@@ -195,7 +195,7 @@ class LogTuning(Value):
                 Setting(name, value, _NOTCH[name.split("_")[-1]]) for name, value in rows.items()
             )
         return AutopilotParameters(
-            f"gains{' and notches' if self.vibration else ''} from "
+            f"gains{' and notches' if self.vibration and self.vibration.filters[1:] else ''} from "
             f"{', '.join(Path(one).name for one in self.logs)}",
             groups,
             form=self.form,
@@ -261,7 +261,7 @@ def tune_log(
     def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
         new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
         changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
-        return replace(changed, notches=heard.laws[1].notches)
+        return replace(changed, notches=heard.notches)
 
     before = {axis: today.figures(axis) for axis in axes}
     kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today

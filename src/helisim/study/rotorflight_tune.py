@@ -27,6 +27,7 @@ from helisim.logs.blackbox import Blackbox, open_blackbox, read_dump
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
+from helisim.look.vibration import blackbox_vibration
 from helisim.records.record import ATTITUDES, IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.log_tune import (
@@ -84,6 +85,12 @@ class Feedback:
                 if by:
                     found += by * _slope(self.law, self.period, omega, axis, name)
         return found
+
+    def felt(self, frequency: Real) -> Complex:
+        """Return cyclic and pedals, 1 being full, over rates, (3, 3, n_freq), at rad/s."""
+        rows = [self.outputs.index(name) for name in _AXES]
+        full = np.array([of.CYCLIC_PITCH, of.CYCLIC_PITCH, of.TAIL_PITCH])
+        return self.response(frequency)[rows, : len(RATES)] / full[:, None, None]
 
 
 _linear = lru_cache(maxsize=64)(of.Rotorflight.linear)
@@ -198,7 +205,6 @@ def tune_blackbox(
     StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
-    on_step("models")
     first = _opened(paths[0])
     told = None if dump is None else read_dump(dump)
     law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
@@ -220,15 +226,22 @@ def tune_blackbox(
             f"{', '.join(one.name for one in others)}: other gains or filters than in "
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
+    today = Feedback(law, period, {})
+    on_step("vibration")
+    heard = blackbox_vibration(first, today.felt)
+    if isinstance(heard, str):
+        remarks.append(heard)
+        heard = None
+    on_step("models")
     fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
     if not fits:
-        return LogTuning(names, None, remarks=tuple(remarks))
+        return LogTuning(names, heard, remarks=tuple(remarks))
     known = Plant(tuple(fits)).outputs
     still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
     plant = Plant(tuple(fits), period=period, still=still)
     plants = [plant, *plant.draws(DRAWS, seed=seed)]
     on_step("loops as flown")
-    axes, today = tuned_axes(plant), Feedback(law, period, {})
+    axes = tuned_axes(plant)
     loop = PredictedLoop.of(plants, today)
     stays = {axis: loop.figures(axis) for axis in axes}
     on_step("candidates")
@@ -256,7 +269,7 @@ def tune_blackbox(
         found.append(one)
     return LogTuning(
         names,
-        None,
+        heard,
         tuple(found),
         tuple(dict.fromkeys(remarks)),
         fits=tuple(fits),
