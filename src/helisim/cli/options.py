@@ -151,7 +151,7 @@ def expanded(text: str) -> str:
     )
 
 
-def add_command(commands: Any, function: Callable[[Options], int], name: str) -> Parser:
+def add_command(commands: Any, function: Callable[[Options], int | None], name: str) -> Parser:
     """Add a command to its kind, made of its docstring; return its parser."""
     page = _PAGE.fullmatch(inspect.getdoc(function) or "")
     assert page is not None
