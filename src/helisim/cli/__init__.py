@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     from helisim.base.files import check_destination
 
                     check_destination(getattr(options, name), suffixes)
-            status = options.run(options)
+            status = options.run(options) or 0
         for data in options.data:
             print(json.dumps(data, allow_nan=False))
         sys.stdout.flush()

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _EACH = 10.0  # s of the clock between two lines that say how far a flight is
 
 
-def sitl(o: Options) -> int:
+def sitl(o: Options) -> None:
     """Let ArduPilot fly the helicopter.
 
     Let an unmodified ArduCopter-heli fly the helicopter by ArduPilot's JSON interface, in lock
@@ -102,7 +102,7 @@ def sitl(o: Options) -> int:
         return _serve(o, aircraft, link)
 
 
-def _serve(o: Options, aircraft: "Aircraft", link: "Link") -> int:
+def _serve(o: Options, aircraft: "Aircraft", link: "Link") -> None:
     from helisim.sitl import serve
 
     write = _writer(o, aircraft)
@@ -118,7 +118,6 @@ def _serve(o: Options, aircraft: "Aircraft", link: "Link") -> int:
             if link.served.frames:
                 write()
     _say(f"Flown: {link.served}")
-    return 0
 
 
 def _listening(o: Options, link: "Link") -> str:
@@ -218,7 +217,7 @@ def _script(o: Options) -> "Callable[[Pilot], Steps]":
     return script_of(o.script)
 
 
-def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircraft") -> int:
+def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircraft") -> None:
     from helisim.sitl import find_program, fly_script
 
     program = find_program(o.ardupilot)
@@ -241,7 +240,6 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
         if flight.lost:
             print(f"The log lacks {flight.lost} messages")
     _say(f"Flown: {flight.served}")
-    return 0
 
 
 def _parameters(o: Options) -> tuple[str, str]:
@@ -266,7 +264,7 @@ def ardupilot(_: Options) -> None:
     """
 
 
-def ardupilot_parm(o: Options) -> int:
+def ardupilot_parm(o: Options) -> None:
     """Write parameters with which ArduPilot flies a vehicle, derivation included.
 
     Write ArduCopter-heli's parameters: swashplate, collective, tail and rotor from the vehicle's
@@ -292,10 +290,9 @@ def ardupilot_parm(o: Options) -> int:
     if o.out is not None:
         own.write(o.out)
         print_written(o, o.out)
-    return 0
 
 
-def ardupilot_export(o: Options) -> int:
+def ardupilot_export(o: Options) -> None:
     """Write identified models for ArduPilot's state-space simulation.
 
     Options:
@@ -333,4 +330,3 @@ def ardupilot_export(o: Options) -> int:
     for remark in model.remarks:
         print(wrapped(remark, indent=2))
     print_written(o, o.out)
-    return 0

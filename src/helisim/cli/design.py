@@ -234,7 +234,7 @@ def _cuts(o: Options) -> "tuple[Cut, ...] | None":
     )
 
 
-def tune(o: Options) -> int:
+def tune(o: Options) -> int | None:
     """Find better gains, of an autopilot from its log, or of the gyro.
 
     From logs of SystemID's sweeps: identify models, print what today's gains give and what better
@@ -287,10 +287,9 @@ def tune(o: Options) -> int:
         print(f"# {axis} {left.gain_db:6.1f} {left.phase_deg:6.1f} {left.crossover:6.1f}")
     if o.write:
         replace_parameter_file(o, "tuned.toml", text)
-    return 0
 
 
-def tune_logs(o: Options) -> int:
+def tune_logs(o: Options) -> int | None:
     """Print today's figures and better gains of logs, and write what options ask for."""
     from helisim.logs.blackbox import is_blackbox
     from helisim.show import tables
@@ -326,4 +325,3 @@ def tune_logs(o: Options) -> int:
     found.parameters.write(o.out)
     use = "paste it into the command line" if blackbox else "load it by a ground station"
     print_written(o, f"{o.out}: {use}, and fly again")
-    return 0

@@ -423,7 +423,7 @@ def verify(o: Options) -> int:
     return 0 if verification.acceptable else 1
 
 
-def structures(o: Options) -> int:
+def structures(o: Options) -> None:
     """List the built-in model structures, or print one.
 
     List the structures that can be identified; with a name, print that one as TOML.
@@ -437,13 +437,12 @@ def structures(o: Options) -> int:
 
     if o.name is not None:
         print(find_structure(o.name, ("input",), ("output",)).to_toml(), end="")
-        return 0
-    rows = {
-        one.name: f"{', '.join(one.outputs)} over {', '.join(one.inputs)}: {one.meaning}"
-        for one in structures.BUILT_IN.values()
-    } | _GENERIC
-    print_rows(rows)
-    return 0
+    else:
+        built = {
+            one.name: f"{', '.join(one.outputs)} over {', '.join(one.inputs)}: {one.meaning}"
+            for one in structures.BUILT_IN.values()
+        }
+        print_rows(built | _GENERIC)
 
 
 def find_structure(

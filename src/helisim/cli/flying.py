@@ -130,7 +130,7 @@ def _size(text: str) -> Any:
     return {"amplitude": amplitude, "period": period[0]} if period else amplitude
 
 
-def fly(o: Options) -> int:
+def fly(o: Options) -> int | None:
     """Fly sweeps, missions and other plans and record them.
 
     Fly a sweep, mission or other plan, and write the flight computer's record.
@@ -199,7 +199,7 @@ def _check_fly(o: Options) -> None:
         raise InputError(f"with --count, --out is a folder, and {o.out} is the name of a record")
 
 
-def _fly_once(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
+def _fly_once(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> None:
     from helisim.records.storage import write_record
     from helisim.sim import fly
 
@@ -218,7 +218,6 @@ def _fly_once(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     held = f"{len(record)} samples, {len(record.names)} channels"
     print_written(o, f"{o.out} ({record.duration:.2f} s, {held})")
     _print_flown(o, vehicle, plan, record)
-    return 0
 
 
 def _print_flown(
@@ -254,7 +253,7 @@ def _fly_many(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     return 3 if any(ended.values()) else 0
 
 
-def view(o: Options) -> int:
+def view(o: Options) -> int | None:
     """Watch the helicopter fly in MuJoCo's viewer, or fly it by hand.
 
     Fly in real time: a hover, a manoeuvre, or by hand. Without a display, use helisim fly --rerun.
@@ -316,4 +315,3 @@ def view(o: Options) -> int:
     excitation = manoeuvre(o)
     flown = view(loaded(o), excitation, duration=o.duration, ground=ground(o), seed=o.seed)
     print(f"Flown: {flown:.1f} s")
-    return 0

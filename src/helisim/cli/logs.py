@@ -173,7 +173,7 @@ def estimate(
     return response if options.reference else worth_more(response)
 
 
-def frf(o: Options) -> int:
+def frf(o: Options) -> None:
     """Estimate frequency responses from flight logs.
 
     Estimate frequency responses with coherence and random error, other inputs' effects removed.
@@ -209,7 +209,6 @@ def frf(o: Options) -> int:
     if o.csv is not None:
         frf.save(o.csv)
     print_written(o, o.csv)
-    return 0
 
 
 def look(o: Options) -> int:
@@ -253,7 +252,7 @@ def command_line(proposal: "Proposal") -> str:
     return shlex.join(["helisim", proposal.command, *proposal.logs, *chain(*given)])
 
 
-def examples(o: Options) -> int:
+def examples(o: Options) -> None:
     """List recorded logs that come with helisim, or copy them.
 
     List the recorded logs that come with helisim, or copy them into a folder.
@@ -274,12 +273,11 @@ def examples(o: Options) -> int:
 
     if o.to is not None:
         print_written(o, f"{len(copy_examples(o.to))} files in {o.to}")
-        return 0
-    print_rows({one.name: one.meaning for one in examples().values()})
-    return 0
+    else:
+        print_rows({one.name: one.meaning for one in examples().values()})
 
 
-def rerun(o: Options) -> int:
+def rerun(o: Options) -> None:
     """Turn flight records into a Rerun recording.
 
     Turn flight records (.parquet or .csv), or those that a run of helisim reproduce used, into a
@@ -315,4 +313,3 @@ def rerun(o: Options) -> int:
             "default a shipped one; give yours with --vehicle PATH"
         )
     write_recording(o, o.out, flights, o.vehicle or flew.pop())
-    return 0

@@ -151,7 +151,7 @@ def expanded(text: str) -> str:
     )
 
 
-def add_command(commands: Any, function: Callable[[Options], int], name: str) -> Parser:
+def add_command(commands: Any, function: Callable[[Options], int | None], name: str) -> Parser:
     """Add a command to its kind, made of its docstring; return its parser."""
     page = _PAGE.fullmatch(inspect.getdoc(function) or "")
     assert page is not None
@@ -380,13 +380,12 @@ def write_data(options: Options, data: Mapping[str, Any], path: Path | None = No
 
 def replace_parameter_file(options: Options, name: str, text: str) -> None:
     """Write a vehicle's parameter file of that name anew, its MJCF too, and print where."""
-    from helisim.base.files import atomic_write
+    from helisim.base.files import write_text
     from helisim.vehicle.build import write_numbers
     from helisim.vehicle.parameters import model_folder
 
     path = model_folder(options.vehicle) / name
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
     print_written(options, path, *write_numbers(options.vehicle))
 
 

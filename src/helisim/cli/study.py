@@ -103,7 +103,7 @@ def study_recover(o: Options) -> int:
     return 1 if results.misses else 0
 
 
-def report(o: Options) -> int:
+def report(o: Options) -> int | None:
     """Write the page of a run, or of an ArduPilot log.
 
     Write DIR/report.html and DIR/figures again, from the results of helisim reproduce in DIR; or of
@@ -128,10 +128,9 @@ def report(o: Options) -> int:
 
     path = write_report(o.source)
     print_written(o, f"{path}, figures in {path.parent / 'figures'}")
-    return 0
 
 
-def study_errata(_: Options) -> int:
+def study_errata(_: Options) -> None:
     """List the paper's errors, each with its calculation.
 
     List what the paper's own numbers contradict, each computed as it is printed.
@@ -142,10 +141,9 @@ def study_errata(_: Options) -> int:
     from helisim.study.errata import errata
 
     print(render_errata(errata()))
-    return 0
 
 
-def study_campaign(o: Options) -> int:
+def study_campaign(o: Options) -> None:
     """Fly and identify many replicates, with what you vary.
 
     Fly and identify many replicates as a campaign file says, write a Parquet dataset of
@@ -199,7 +197,6 @@ def study_campaign(o: Options) -> int:
         raise InputError(f"{path} is a dataset, which is only looked at: leave out --out")
     table, _ = read_dataset(path)
     print(render(summarise(table, by=o.by or ())))
-    return 0
 
 
 def _fly_campaign(o: Options) -> Path:

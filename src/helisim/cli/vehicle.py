@@ -18,7 +18,7 @@ FORMAT = "helisim level flights, version 1"
 _MOST = 1000  # Speeds; more are a mistake in the step
 
 
-def vehicle_linearize(o: Options) -> int:
+def vehicle_linearize(o: Options) -> None:
     """Print the exact linearisation at the hover.
 
     Print the exact linearisation at the hover.
@@ -42,10 +42,9 @@ def vehicle_linearize(o: Options) -> int:
     made = made_by("linearization", **vehicle.provenance)
     more = {"derivatives": vehicle.derivatives, "provenance": made}
     write_data(o, {**linear.to_dict(), **more})
-    return 0
 
 
-def vehicle_trim(o: Options) -> int:
+def vehicle_trim(o: Options) -> None:
     """Trim level flight over a range of speeds: power, controls, attitude.
 
     Solve steady level flight at each speed, and print power, controls, attitude and disc tilt.
@@ -90,7 +89,6 @@ def vehicle_trim(o: Options) -> int:
         made = made_by("level flights", **flights[0].provenance)
         write_data(o, {"format": FORMAT, "flights": found, "provenance": made})
     print(render_trims(flights))
-    return 0
 
 
 def speeds_of(text: str) -> list[float]:
@@ -111,7 +109,7 @@ def speeds_of(text: str) -> list[float]:
     return speeds
 
 
-def vehicle_bench(o: Options) -> int:
+def vehicle_bench(o: Options) -> None:
     """Run the ground tests: the yaw gyro's gains, the centre of gravity.
 
     Step the pedals, sweep a turntable and hang from two points, rotor off; print estimates and
@@ -131,10 +129,9 @@ def vehicle_bench(o: Options) -> int:
     with progress(3, o.quiet, unit="rig") as advance:
         tests = run_rigs(loaded(o), seed=o.seed, on_progress=advance)
     print(render_rigs(tests))
-    return 0
 
 
-def vehicle_calibrate(o: Options) -> int:
+def vehicle_calibrate(o: Options) -> None:
     """Solve the physical parameters from derivatives.
 
     Solve for the physical parameters that give the published derivatives, or those of [targets] in
@@ -155,7 +152,6 @@ def vehicle_calibrate(o: Options) -> int:
         replace_parameter_file(o, "calibrated.toml", text)
     else:
         print(text, end="")
-    return 0
 
 
 def vehicle(_: Options) -> None:
@@ -175,7 +171,7 @@ def vehicle(_: Options) -> None:
     """
 
 
-def vehicle_new(o: Options) -> int:
+def vehicle_new(o: Options) -> None:
     """Make a folder that flies at once, commented line by line.
 
     Make a vehicle's folder from another's, or of the size that numbers say. Nothing is overwritten.
@@ -217,7 +213,6 @@ def vehicle_new(o: Options) -> int:
         print(render_check(check_vehicle(folder)))
     shown = folder.name if o.to is None else o.to / folder.name
     print_written(o, f"{shown}; next: see {shown}/README.md, or helisim vehicle linearize {shown}")
-    return 0
 
 
 def vehicle_check(o: Options) -> int:
@@ -244,7 +239,7 @@ def vehicle_check(o: Options) -> int:
     return 2 if found.problems else 0
 
 
-def vehicle_build(o: Options) -> int:
+def vehicle_build(o: Options) -> int | None:
     """Write the force laws' numbers into the vehicle's MJCF.
 
     Write the force laws' numbers, the gyro's timing, the fuselage's inertia and the hover's trim
@@ -268,14 +263,12 @@ def vehicle_build(o: Options) -> int:
     print_written(o, *written)
     if not written and not o.quiet:
         print("Nothing to write: the MJCF says what the parameters give")
-    return 0
 
 
-def vehicle_list(_: Options) -> int:
+def vehicle_list(_: Options) -> None:
     """List the shipped vehicles."""
     from helisim.vehicle.parameters import model_folder, vehicle_names
 
     for name in vehicle_names():
         title = (model_folder(name) / "README.md").read_text(encoding="utf-8").splitlines()[0]
         print(f"{name:<10} {title.lstrip('# ')}")
-    return 0

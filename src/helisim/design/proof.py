@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from helisim.base.arrays import Real
 from helisim.base.errors import DivergedError
 from helisim.base.files import make_folder, write_json
-from helisim.base.settings import check, setting
+from helisim.base.settings import Checked, setting
 from helisim.design.exact import exact_loop, hands_off
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import AttitudeBandwidth, DisturbanceRejection, StabilityMargins
@@ -120,7 +120,7 @@ def _peaks(signal: Real, moved: dict[str, Curve]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProofPlan:
+class ProofPlan(Checked):
     """Flights of a proof: of each sweep `repeats`, each in turbulence of its own; else InputError.
 
     The flight that shows saturation has this weather too; `recorder` None is the vehicle's own.
@@ -129,9 +129,6 @@ class ProofPlan:
     repeats: int = setting(4, above=0)
     weather: Weather = LIGHT
     recorder: Recorder | None = None
-
-    def __post_init__(self) -> None:
-        check(self, "the proof's")
 
 
 def fly_sweeps(

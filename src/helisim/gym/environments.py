@@ -173,9 +173,8 @@ class HelicopterVectorEnv(_Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[A
         self._steps[~started] += 1
         for row, name in flown.why.items():
             self._add_info(infos, {"ended": name}, row)
-        terms = {}
-        for name, term in flown.terms.items():
-            terms |= {name: np.where(started, 0.0, term), f"_{name}": ~started}
+        terms = {name: np.where(started, 0.0, term) for name, term in flown.terms.items()}
+        terms |= {f"_{name}": ~started for name in flown.terms}
         infos |= {"time": self._flights.states[:, 0].copy(), "terms": terms}
         infos |= {"_time": np.ones(self.num_envs, dtype=np.bool_), "_terms": ~started}
         truncated = self._steps >= self._most

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, InputError, check_known
-from helisim.base.settings import check, is_number, setting, setting_names
+from helisim.base.settings import Checked, check, is_number, setting, setting_names
 from helisim.gym.task import Hover, Task, Track
 from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
 from helisim.physics.memory import TICK_TOLERANCE
@@ -63,7 +63,7 @@ class WeatherRange:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Start:
+class Start(Checked):
     """How far from the trim an episode starts, SI; each number up to these is as likely.
 
     Position and velocity are each of north, east and down, tilt of roll and pitch.
@@ -74,9 +74,6 @@ class Start:
     tilt: float = setting(0.1, unit="rad", low=0.0)
     heading: float = setting(0.5, unit="rad", low=0.0)
     rate: float = setting(0.1, unit="rad/s", low=0.0)
-
-    def __post_init__(self) -> None:
-        check(self, "start")
 
     def draw(self, random: np.random.Generator) -> dict[str, float]:
         """Return distances from the trim by name; velocities in earth axes."""

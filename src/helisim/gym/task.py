@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.settings import check, is_number, setting
+from helisim.base.settings import Checked, is_number, setting
 from helisim.physics import motion as frames
 from helisim.physics.kernel import compiled_or_cached, fingerprint
 
@@ -189,14 +189,11 @@ def check_task(task: Task) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Shipped(Task):
+class _Shipped(Checked, Task):
     speed: float = setting(above=0.0)
     heading: float = setting(0.5, above=0.0)
     rate: float = setting(2.0, above=0.0)
     change: float = setting(2.0, above=0.0)
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @abstractmethod
     def missing(self, situation: Situation) -> Columns:

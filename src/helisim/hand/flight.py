@@ -32,6 +32,7 @@ from helisim.sim.plan import Pilot
 from helisim.sim.recorder import End, Recorder, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import write_named
 from helisim.vehicle.trim import Motion, read_motion
 
 ASSISTS = {
@@ -55,20 +56,20 @@ class _Assistance:
         gravity = float(np.linalg.norm(vehicle.model.opt.gravity))
         yaw_rate = abs(float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]))
         level = {
-            "k_attitude": ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat])),
-            "lon": 0.0,
-            "lat": 0.0,
+            "pilot_k_attitude": ATTITUDE / abs(float(par[PARAM.gyro_p_per_lat])),
+            "pilot_lon": 0.0,
+            "pilot_lat": 0.0,
         }
         hover = {
-            "k_velocity": VELOCITY / gravity,
-            "k_position": POSITION,
-            "k_heave": HEAVE / abs(vehicle.derivatives["Z_col"]),
-            "k_height": HEIGHT,
-            "k_heading": HEADING / yaw_rate,
-            "col": float(par[PARAM.pilot_col]),
+            "pilot_k_velocity": VELOCITY / gravity,
+            "pilot_k_position": POSITION,
+            "pilot_k_heave": HEAVE / abs(vehicle.derivatives["Z_col"]),
+            "pilot_k_height": HEIGHT,
+            "pilot_k_heading": HEADING / yaw_rate,
+            "pilot_col": float(par[PARAM.pilot_col]),
         }
         self.own = {"none": {}, "level": level, "hover": {**level, **hover}}
-        self.lean = np.array((vehicle.trim.theta, vehicle.trim.phi))
+        self.lean = np.array((vehicle.trim.phi, vehicle.trim.theta))
 
     def begin(self) -> None:
         self.velocity = np.zeros(2)  # that is commanded: ahead, right
@@ -77,12 +78,10 @@ class _Assistance:
     def ask(
         self, par: NDArray[np.float64], name: str, felt: Deflection, now: Motion, seconds: float
     ) -> None:
-        par[PARAM.pilot_col : PARAM.pilot_ped + 1] = 0.5 * np.array(felt)
         par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1] = 0.0
-        for slot, value in self.own[name].items():
-            par[getattr(PARAM, f"pilot_{slot}")] = value
-        tilt = _TILT * np.array((felt.lon, felt.lat)) if name == "level" else 0.0
-        par[PARAM.pilot_theta], par[PARAM.pilot_phi] = self.lean + tilt
+        tilt = _TILT * np.array((felt.lat, felt.lon)) if name == "level" else 0.0
+        write_named(par, pilot_col=0.5 * np.array(felt), pilot_phi=self.lean + tilt)
+        write_named(par, **self.own[name])
         if name != "hover":
             return
         most = _HURRY * seconds
@@ -92,8 +91,11 @@ class _Assistance:
             # so far away that it flies there as fast; here, where the velocity is 0
             ahead, right = self.velocity / POSITION
             cosine, sine = math.cos(now.psi), math.sin(now.psi)
-            par[PARAM.pilot_north] = now.north + cosine * ahead - sine * right
-            par[PARAM.pilot_east] = now.east + sine * ahead + cosine * right
+            write_named(
+                par,
+                pilot_north=now.north + cosine * ahead - sine * right,
+                pilot_east=now.east + sine * ahead + cosine * right,
+            )
         climb = 0.0 if abs(felt.col) < _MIDDLE else _CLIMB * felt.col
         if not self._stays("height", climb == 0.0, abs(now.w) < _STILL_CLIMB):
             par[PARAM.pilot_down] = now.down - climb / HEIGHT

@@ -17,7 +17,7 @@ from scipy.linalg import null_space
 from helisim.base.arrays import Complex, Real
 from helisim.base.display import Displayed
 from helisim.base.errors import IdentificationError
-from helisim.base.settings import Value, check
+from helisim.base.settings import Checked, Value
 from helisim.ident.evaluate import SINGULAR
 from helisim.ident.expression import value_at
 from helisim.ident.structure import MATRICES, Structure
@@ -119,7 +119,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Modes(Value, Displayed):
+class Modes(Checked, Value, Displayed):
     """Poles of a fitted model and zeros of each fitted response ("p/lat"), slowest first.
 
     Zeros that cancel poles are left out; `gains` are high-frequency limits of H s^(poles - zeros).
@@ -128,9 +128,6 @@ class Modes(Value, Displayed):
     poles: tuple[Mode, ...]
     zeros: Mapping[str, tuple[Mode, ...]]
     gains: Mapping[str, float]
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __repr__(self) -> str:
         return f"Modes({len(self.poles)} poles; zeros of {', '.join(self.zeros)})"

@@ -67,9 +67,8 @@ def rational_fits(
     powers = scaled[:, None] ** np.arange(max(zeros, poles, 1) + 1)
     root = np.sqrt(weight / np.sum(weight))
     scale = unit ** (poles - np.arange(max(zeros, poles) + 1.0))
-    given = np.full(zeros + 1 + poles, np.nan)
-    if known is not None:
-        given = known / np.concatenate([scale[: zeros + 1], scale[:poles]])
+    scales = np.concatenate([scale[: zeros + 1], scale[:poles]])
+    given = (np.full(scales.size, np.nan) if known is None else known) / scales
     top, bottom = _sanathanan_koerner(powers, measured, root, (zeros, poles), unit * delays, given)
     sought = np.append(np.isnan(given), not fixed)
     top, bottom, ended, errors = _descend(

@@ -18,7 +18,7 @@ from helisim.base.errors import (
 )
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Note
-from helisim.base.settings import Value, check, convert, placed, setting, to_plain
+from helisim.base.settings import Checked, Value, convert, placed, setting, to_plain
 from helisim.ident import diagnosis
 from helisim.ident.cost import coherent, enough, within
 from helisim.ident.diagnosis import Misfit
@@ -60,7 +60,7 @@ _FILED: dict[str, Any] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Value, Displayed):
+class Fit(Checked, Value, Displayed):
     """A fitted model, with `costs` J and `bands` in rad/s of each used response.
 
     `correlation` and `covariance` of the free parameters are (n_free, n_free), the latter infinite
@@ -84,9 +84,6 @@ class Fit(Value, Displayed):
     omitted: tuple[Note, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=versions)
-
-    def __post_init__(self) -> None:
-        check(self, "the fit")
 
     def __getitem__(self, name: str) -> FittedParameter:
         """Return a parameter. Raises UnknownNameError."""
@@ -440,9 +437,8 @@ class Fit(Value, Displayed):
 
 def load_fit(path: str | PathLike[str]) -> Fit:
     """Read a fit from a file. Raises StorageError, or InputError if it isn't a fit."""
-    data = read_json(path)
     with placed(path):
-        return Fit.from_dict(data)
+        return Fit.from_dict(read_json(path))
 
 
 def _matrix(rows: Any, shape: tuple[int, int], name: str) -> NDArray[np.float64] | None:

@@ -154,8 +154,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
 
     def solved(x: Real) -> Start:
         x = np.clip(x, *cost.limits)
-        if delays.index.size:
-            x = delays.scan(x, gains, taken[-1:])
+        x = delays.scan(x, gains, taken[-1:]) if delays.index.size else x
         return _solved(cost, x, gains, delays)
 
     def distance(start: Start) -> float:

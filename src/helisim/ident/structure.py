@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, check_known
-from helisim.base.files import atomic_write, read_toml
+from helisim.base.files import read_toml, write_text
 from helisim.base.settings import (
     FrozenMap,
     Inline,
@@ -285,16 +285,14 @@ class Structure(Value):
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Structure":
         """Read a structure from TOML, such as `to_toml` writes. Raises StorageError, InputError."""
-        data = read_toml(path)
         with placed(path):
-            return cls.from_dict(data)
+            return cls.from_dict(read_toml(path))
 
     def to_toml(self, path: str | PathLike[str] | None = None) -> str:
         """Return the structure as TOML, also written to a path if given. Raises StorageError."""
         text = toml_text(self.to_dict(toml=True))
         if path is not None:
-            with atomic_write(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_text(path, text)
         return text
 
     def to_dict(self, *, toml: bool = False) -> dict[str, Any]:

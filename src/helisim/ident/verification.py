@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.settings import Value, check, setting, to_plain
+from helisim.base.settings import Checked, Value, setting, to_plain
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure
@@ -67,7 +67,7 @@ class Approach:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trace(Value):
+class Trace(Checked, Value):
     """One record, measured and predicted; read-only.
 
     `time` is (n_time,) s; `inputs`, `measured`, `predicted` are (n_time, n), the last with `bias`
@@ -83,9 +83,6 @@ class Trace(Value):
     telling: NDArray[np.float64]
     starts: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     estimated: int = 0
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def residual(self) -> NDArray[np.float64]:
@@ -142,16 +139,13 @@ class VerifiedOutput:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerifiedRecord:
+class VerifiedRecord(Checked):
     """Figures of one flight, by output; `bias` was added to the prediction."""
 
     duration_s: float
     j_rms: Mapping[str, float]
     tic: Mapping[str, float]
     bias: Mapping[str, float]
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +176,7 @@ class VerificationFigures:
 
 
 @dataclass(frozen=True, eq=False)
-class Verification(Value, Displayed):
+class Verification(Checked, Value, Displayed):
     """Prediction of records that the model was not fitted to.
 
     `j_rms` is the root mean square error over all outputs, each in its unit; `tic` Theil's
@@ -203,9 +197,6 @@ class Verification(Value, Displayed):
     approach: Approach | None = None
     quiet: tuple[str, ...] = ()
     elsewhere: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __repr__(self) -> str:
         return (

@@ -192,9 +192,8 @@ class Map:
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
         """Read a map from a TOML file, as in `identify`'s help. Raises StorageError, InputError."""
-        data = read_toml(path)
         with placed(path):
-            return cls.from_dict(data)
+            return cls.from_dict(read_toml(path))
 
     def with_channels(self, channels: Mapping[str, Column]) -> "Map":
         """Return a copy with channels added or replaced."""

@@ -161,9 +161,11 @@ class LogReport(Value):
         """Return the report as text, each finding as `word` returns it."""
         low, middle, high = self.step
         total = sum(part.duration for part in self.parts)
-        filtered = "no filter: the log is not faster"
-        if self.passband_hz is not None:
-            filtered = f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
+        filtered = (
+            "no filter: the log is not faster"
+            if self.passband_hz is None
+            else f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
+        )
         parts = [
             f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
             for part in self.parts[:_PARTS_SHOWN]

@@ -59,9 +59,8 @@ def cut(
         low, high = np.searchsorted(first.time, start), np.searchsorted(first.time, stop, "right")
         inside = first.take(slice(low, high))
         rows = (int(inside.rows[0]), int(inside.rows[-1])) if inside.rows.size else (0, 0)
-        time = inside.time
-        if rate is not None:
-            time = _grid(start, stop, rate, factor, max(one.time.size for one in stretch))
+        count = max(one.time.size for one in stretch)
+        time = inside.time if rate is None else _grid(start, stop, rate, factor, count)
         part = Part(*rows, time.size, float(time[0]), float(time[-1] - time[0]))
         if time.size < 2 or part.duration < options.min_duration:
             short.append(part)

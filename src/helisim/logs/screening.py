@@ -119,9 +119,8 @@ class Channels(NamedTuple):
         self, name: str, *, to: str | None = None, unit: str | None = None, flip: bool = False
     ) -> Option:
         """Return the option that declares a column as another channel, in another unit or sign."""
-        column = self.declared[name]
-        if unit is not None:
-            column = replace(column, unit=unit, trim=None, range=None)
+        given = self.declared[name]
+        column = given if unit is None else replace(given, unit=unit, trim=None, range=None)
         return (replace(column, sign=-column.sign) if flip else column).option(to or name)
 
 

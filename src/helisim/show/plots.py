@@ -144,9 +144,11 @@ def draw_bode(
 def draw_pair(item: IdentifiedModel, output: str, input_: str) -> Drawing:
     """Return the Bode plot of one pair of a model."""
     fit, pair = item.fit, f"{output}/{input_}"
-    said = "not enough coherent points, left out of the fit"
-    if pair in fit.costs:
-        said = "cost {:.3g} over {:.3g} to {:.3g} rad/s".format(fit.costs[pair], *fit.bands[pair])
+    said = (
+        "cost {:.3g} over {:.3g} to {:.3g} rad/s".format(fit.costs[pair], *fit.bands[pair])
+        if pair in fit.costs
+        else "not enough coherent points, left out of the fit"
+    )
     return draw_bode(
         f"bode_{item.name}_{output}_{input_}",
         output,

@@ -413,9 +413,8 @@ def design(result: DesignResult) -> Table:
         for name, limit in limits.items():
             unit, ratings = criterion.units.get(name, ""), (one.before, one.nominal, one.worst)
             found = [None if each is None else each.figures.get(name) for each in ratings]
-            figure = _called(name)
-            if isinstance(criterion, LoadRejection):
-                figure = f"turned by {axis_of(criterion.by).word} load"
+            by = criterion.by if isinstance(criterion, LoadRejection) else ""
+            figure = f"turned by {axis_of(by).word} load" if by else _called(name)
             rows.append(
                 (
                     *(criterion.word, figure, _for_people(limit.level1, unit)),

@@ -24,9 +24,10 @@ from scipy.interpolate import CubicSpline
 
 from helisim.base.errors import InputError, check_known
 from helisim.base.settings import check, setting, to_plain
-from helisim.physics.layout import HISTORY, INJECTION, PARAM
+from helisim.physics.layout import HISTORY, INJECTION
 from helisim.records.record import ATTITUDES, AXES, RATES
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import write_named
 
 T = TypeVar("T")
 
@@ -162,9 +163,8 @@ class Excitation:
         """Put it, complete, into a vehicle's parameters (n_param,) for the force laws."""
         if is_compiled(self):
             self._write_closed_form(par)
-            return
-        par[PARAM.excitation] = HISTORY
-        par[PARAM.excitation_col : PARAM.excitation_ped + 1] = 0.0
+        else:
+            write_named(par, excitation=HISTORY, excitation_col=np.zeros(len(AXES)))
 
     def _write_closed_form(self, par: NDArray[np.float64]) -> None:
         """Overridden where the force laws fly a formula, see `is_compiled`."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.settings import Value, check, setting
-from helisim.physics.layout import DOUBLET, PARAM, SWEEP
+from helisim.physics.layout import DOUBLET, SWEEP
 from helisim.records.record import AXES
 from helisim.sim.excitation import (
     PLACES,
@@ -24,6 +24,7 @@ from helisim.sim.excitation import (
     limit,
     unit,
 )
+from helisim.vehicle.addresses import write_named
 
 _ROUNDING = 1e-9  # s: an edge comes so much early, for the times of the steps are added up
 _FADE = 1.0  # s, over which a pilot's sweep grows and dies
@@ -171,17 +172,19 @@ class Sweep(Timed):
     def _write_closed_form(self, par: NDArray[np.float64]) -> None:
         leaked = self.leakage * complete(self, self.amplitude)
         _write(par, self, SWEEP, self.duration - 2.0 * self.trim_time, leaked)
-        par[PARAM.sweep_w_min], par[PARAM.sweep_w_max] = complete(self, self.band)
-        par[PARAM.sweep_fade], par[PARAM.sweep_unsteadiness] = _FADE, self.unsteadiness
+        write_named(
+            par,
+            sweep_w_min=complete(self, self.band),
+            sweep_fade=_FADE,
+            sweep_unsteadiness=self.unsteadiness,
+        )
 
 
 def _write(
     par: NDArray[np.float64], one: Doublet | Sweep, kind: float, lasts: float, others: float = 0.0
 ) -> None:
-    par[PARAM.excitation], par[PARAM.excitation_start] = kind, one.trim_time
-    par[PARAM.excitation_duration] = lasts
-    par[PARAM.excitation_col : PARAM.excitation_ped + 1] = others
-    par[PARAM.excitation_col + AXES.index(one.axis)] = complete(one, one.amplitude)
+    moved = [complete(one, one.amplitude) if axis == one.axis else others for axis in AXES]
+    write_named(par, excitation=(kind, one.trim_time, lasts), excitation_col=moved)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,7 +46,7 @@ from helisim.base.settings import (
     toml_text,
 )
 from helisim.physics.layout import PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
-from helisim.records.record import FlightRecord
+from helisim.records.record import AXES, FlightRecord
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.faults import Fault, check_faults
 from helisim.sim.gains import on_law
@@ -56,7 +56,7 @@ from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.addresses import root_body
+from helisim.vehicle.addresses import root_body, write_named
 from helisim.vehicle.law import trimmed_sticks
 from helisim.vehicle.slung import own_parts
 
@@ -88,25 +88,27 @@ class Pilot(Checked):
         self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float
     ) -> None:
         """Put the pilot into a vehicle's parameters (n_param,) for the force laws."""
-        par[PARAM.pilot_on] = 1.0
-        par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
-        par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta
-        par[PARAM.pilot_col : PARAM.pilot_ped + 1] = trimmed_sticks(
-            vehicle.controller, vehicle.model, vehicle.trim
-        )
-        attitude, velocity, position, heave, height, heading = (
+        attitude, velocity, position, heave, climb, heading = (
             float(one) for one in par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1]
         )
         ahead, back = on_law(
-            vehicle, (-heave, attitude, attitude, heading), velocity, position, height
+            vehicle, (-heave, attitude, attitude, heading), velocity, position, climb
         )
         tilts = velocity * (ahead / np.where(back, back, 1.0))
-        par[PARAM.pilot_k_attitude], par[PARAM.pilot_k_velocity] = back[1], tilts[1]
         par[ROLL_ATTITUDE], par[ROLL_VELOCITY] = (one[2] - one[1] for one in (back, tilts))
-        par[PARAM.pilot_k_heave], par[PARAM.pilot_k_heading] = -back[0], back[3]
-        par[PARAM.pilot_seed] = seed
-        par[PARAM.remnant_col : PARAM.remnant_ped + 1] = self.remnant
-        par[PARAM.remnant_interval] = self.remnant_interval
+        write_named(
+            par,
+            pilot_on=1.0,
+            pilot_north=(0.0, 0.0, -height, 0.0),
+            pilot_phi=(vehicle.trim.phi, vehicle.trim.theta),
+            pilot_col=trimmed_sticks(vehicle.controller, vehicle.model, vehicle.trim),
+            pilot_k_attitude=(back[1], tilts[1]),
+            pilot_k_heave=-back[0],
+            pilot_k_heading=back[3],
+            pilot_seed=seed,
+            remnant_col=(self.remnant,) * len(AXES),
+            remnant_interval=self.remnant_interval,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

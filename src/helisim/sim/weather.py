@@ -13,7 +13,7 @@ from helisim.base.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.physics import air as law
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
-from helisim.vehicle.addresses import addresses
+from helisim.vehicle.addresses import addresses, write_named
 
 LEVELS = {
     "light": 15.0 * METRE_S_PER_KNOT,
@@ -153,18 +153,21 @@ class Weather:
 
     def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int) -> None:
         """Put gust and turbulence into a vehicle's parameters (n_param,); MuJoCo has the wind."""
-        if (gust := self.gust) is not None:
-            par[PARAM.gust_north : PARAM.gust_down + 1] = gust.north, gust.east, gust.down
-            par[PARAM.gust_start : PARAM.gust_hold + 1] = gust.start, gust.rise, gust.hold
+        if self.gust is not None:
+            write_named(par, **{f"gust_{name}": one for name, one in vars(self.gust).items()})
         if (dryden := self.dryden) is None:
             return
         span = 2.0 * vehicle.parameters["main_rotor.radius"]
-        par[PARAM.turbulence_on], par[PARAM.turbulence_seed] = 1.0, seed
-        par[PARAM.turbulence_cosine] = math.cos(dryden.heading)
-        par[PARAM.turbulence_sine] = math.sin(dryden.heading)
-        par[PARAM.turbulence_span] = span
-        par[PARAM.turbulence_u : PARAM.turbulence_p + 1] = dryden.levels(span)
-        par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = dryden.lags(span)
+        write_named(
+            par,
+            turbulence_on=1.0,
+            turbulence_seed=seed,
+            turbulence_cosine=math.cos(dryden.heading),
+            turbulence_sine=math.sin(dryden.heading),
+            turbulence_span=span,
+            turbulence_u=dryden.levels(span),
+            turbulence_lag_u=dryden.lags(span),
+        )
 
     def start(self, vehicle: Vehicle, rng: np.random.Generator) -> NDArray[np.float64]:
         """Return a random stationary state of the turbulence, (8,)."""

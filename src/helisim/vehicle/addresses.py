@@ -3,6 +3,8 @@
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import ModelError, UnknownNameError
 from helisim.physics.layout import PARAM, ROTOR, STATE
@@ -28,6 +30,16 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
         )
     state = int(model.actuator_actadr[rotor]) - STATE.flap_a
     return Addresses(rotor, state, int(model.actuator_ctrladr[rotor]) - ROTOR)
+
+
+def write_named(par: NDArray[np.float64], **numbers: ArrayLike) -> None:
+    """Write numbers into a vehicle's parameters, (n_param,), by their names in `PARAM`.
+
+    Several numbers take the places from the named one on, as `gust_north=(0.0, 0.0, 1.0)`.
+    """
+    for name, number in numbers.items():
+        first = getattr(PARAM, name)
+        par[first : first + np.size(number)] = number
 
 
 def _rotor_actuator(model: mujoco.MjModel, prefix: str) -> int:

@@ -31,7 +31,7 @@ from helisim.physics.layout import (
     WITHOUT_LAWS,
 )
 from helisim.physics.memory import TICK_TOLERANCE, examine
-from helisim.vehicle.addresses import addresses, root_body
+from helisim.vehicle.addresses import addresses, root_body, write_named
 from helisim.vehicle.parameters import (
     BODIES,
     SITES,
@@ -43,7 +43,7 @@ from helisim.vehicle.parameters import (
     rig_file,
 )
 from helisim.vehicle.slung import sling
-from helisim.vehicle.swashplate import PLATE, Swashplate, TipPathPlane, with_both
+from helisim.vehicle.swashplate import Swashplate, TipPathPlane, with_both
 from helisim.vehicle.trim import set_governor
 
 _MOTOR = ("inertia", "gear", "lag", "spool_up", "bail_out")
@@ -64,18 +64,10 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     if parameters.word("drive.governor") == "motor":
         check_motor(parameters, "drive.governor is 'motor'")
     block = np.zeros(len(PARAM))
-    block[PARAM.magic], block[PARAM.ordinal], block[PARAM.layout] = MAGIC, ROTOR, LAYOUT
-    for name, known in glossary().items():
-        if known.slot:
-            block[getattr(PARAM, known.slot)] = parameters[name]
-    blades = parameters["main_rotor.blades"] * parameters["main_rotor.blade_inertia"]
-    block[PARAM.drive_mast_inertia] = min(blades, parameters["drive.inertia"])
+    slots = {known.slot: parameters[name] for name, known in glossary().items() if known.slot}
+    write_named(block, **slots)
     if parameters.word("drive.supply") == "battery":
         block[PARAM.drive_resistance] -= parameters["battery.resistance"]
-    tilt = parameters["main_rotor.shaft_tilt"]
-    block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
-    hub = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
-    block[[PARAM.hub_x, PARAM.hub_z]] = _in_shaft(parameters, *hub)
     _write_surfaces(parameters, block)
     for rotor in ("main", "tail"):
         blade, chord, radius = (
@@ -85,31 +77,16 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         if sound := parameters["air.sound_speed"]:
             tips = parameters[f"{rotor}_rotor.speed"] * radius
             block[getattr(PARAM, f"{rotor}_mach")] = tips / sound
+    blades = parameters["main_rotor.blades"] * parameters["main_rotor.blade_inertia"]
+    tilt, phase = parameters["main_rotor.shaft_tilt"], parameters["gyro.phase"]
     disc = TipPathPlane.of(parameters)
     springs = disc.share * parameters["main_rotor.speed"] * disc.springs
     cross = 0.5 * (disc.springs[1, 0] - disc.springs[0, 1])
-    block[PARAM.flap_hold] = 16.0 * disc.share / parameters["air.density"]
-    block[PARAM.flap_reduction] = parameters["flapping.lock_reduction"]
-    block[PARAM.flap_stiffness] = 2.0 * disc.share * abs(cross)
-    block[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
-    block[PARAM.cyclic_a_lat : PARAM.cyclic_b_lon + 1] = disc.cyclic.ravel()
-    block[PLATE] = Swashplate.of(parameters).numbers
-    block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
-    block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
-    block[PARAM.gyro_attitude_lock] = 0.5 * (parameters["gyro.flight_mode"] - 1.0)
-    block[PARAM.gyro_hold_above] = 0.5 if parameters["gyro.anti_windup"] else NEVER
     # how far sticks reach, as a multiple of what they do where the gains hold
     col, lat, lon = (
         parameters[f"gyro.{rate}"] / parameters[f"gyro_tuned.{rate}"]
         for rate in ("pitch_rate", "aileron_rate", "elevator_rate")
     )
-    block[PARAM.gyro_collective] = col
-    block[PARAM.gyro_p_per_lat : PARAM.gyro_q_per_lon + 1] = [
-        parameters["gyro.p_per_lat"] * lat,
-        parameters["gyro.p_per_lon"] * lon,
-        parameters["gyro.q_per_lat"] * lat,
-        parameters["gyro.q_per_lon"] * lon,
-    ]
     write_gyro_filters(
         block,
         period=parameters["gyro.period"],
@@ -117,10 +94,28 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         fast=parameters["gyro.filter"],
         slow=parameters["gyro.derivative_filter"],
     )
-    block[PARAM.swash_law] = block[PARAM.tail_law] = SHIPPED_LAW
-    block[PARAM.swash_states], block[PARAM.tail_states] = SWASH_STATES, TAIL_STATES
-    ones = ("gyro_on", "remnant_interval", "excitation_duration", "sweep_fade")
-    block[[getattr(PARAM, name) for name in ones]] = 1.0
+    write_named(
+        block,
+        magic=(MAGIC, ROTOR, LAYOUT),
+        drive_mast_inertia=min(blades, parameters["drive.inertia"]),
+        shaft_cosine=(math.cos(tilt), math.sin(tilt)),
+        hub_x=_in_shaft(parameters, parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]),
+        flap_hold=16.0 * disc.share / parameters["air.density"],
+        flap_reduction=parameters["flapping.lock_reduction"],
+        flap_stiffness=2.0 * disc.share * abs(cross),
+        spring_aa=springs.ravel()[:3],
+        cyclic_a_lat=disc.cyclic.ravel(),
+        mix_front_col=Swashplate.of(parameters).numbers,
+        gyro_phase_cosine=(math.cos(phase), math.sin(phase)),
+        gyro_attitude_lock=0.5 * (parameters["gyro.flight_mode"] - 1.0),
+        gyro_hold_above=0.5 if parameters["gyro.anti_windup"] else NEVER,
+        gyro_collective=col,
+        gyro_p_per_lat=(parameters["gyro.p_per_lat"] * lat, parameters["gyro.p_per_lon"] * lon),
+        gyro_q_per_lat=(parameters["gyro.q_per_lat"] * lat, parameters["gyro.q_per_lon"] * lon),
+        swash_law=(SHIPPED_LAW, SHIPPED_LAW),
+        swash_states=(SWASH_STATES, TAIL_STATES),
+        **dict.fromkeys(("gyro_on", "remnant_interval", "excitation_duration", "sweep_fade"), 1.0),
+    )
     return block
 
 
@@ -176,13 +171,16 @@ def write_gyro_filters(
 
     lead, fast, slow: time constants of the yaw rate's lead, the cyclic rates, their derivatives.
     """
-    block[PARAM.gyro_lead_share] = filter_share(lead, period)
-    block[PARAM.gyro_lead_lag] = held_lag(lead, period)
-    block[PARAM.gyro_filter_share] = filter_share(fast, period)
-    block[PARAM.gyro_filter_mean] = filter_mean(fast, period)
-    block[PARAM.gyro_derivative_share] = filter_share(slow, period)
-    block[PARAM.gyro_derivative_through] = filter_through(fast, slow, period)
-    block[PARAM.gyro_derivative_lag] = held_lag(slow, period)
+    write_named(
+        block,
+        gyro_lead_share=filter_share(lead, period),
+        gyro_lead_lag=held_lag(lead, period),
+        gyro_filter_share=filter_share(fast, period),
+        gyro_filter_mean=filter_mean(fast, period),
+        gyro_derivative_share=filter_share(slow, period),
+        gyro_derivative_through=filter_through(fast, slow, period),
+        gyro_derivative_lag=held_lag(slow, period),
+    )
 
 
 _AZIMUTHS = (np.arange(180) + 0.5) * math.pi / 90.0

@@ -112,9 +112,7 @@ def write_numbers(vehicle: str | PathLike[str]) -> tuple[Path, ...]:
     if, written, it would not fly: the file is then unchanged.
     """
     changes = unwritten(vehicle)
-    if not changes:
-        return ()
-    return (write_changes(changes),)
+    return (write_changes(changes),) if changes else ()
 
 
 def write_changes(changes: Sequence[Change]) -> Path:

@@ -37,7 +37,7 @@ from helisim.physics.layout import (
     WITHOUT_LAWS,
 )
 from helisim.physics.memory import check_is_model
-from helisim.vehicle.addresses import addresses
+from helisim.vehicle.addresses import addresses, write_named
 
 Law = Callable[..., Any]  # law(seen, state, settings)
 Slot = Law | Literal["shipped"] | None
@@ -147,8 +147,8 @@ class Controller(Value):
 
     def plan_for(self, par: NDArray[np.float64], commands: Sequence[float]) -> None:
         """Let a plan hold servos that no law moves; par: (n_param,), written; commands: (4,)."""
-        par[PARAM.planned] = float(self.law is None and None in (self.swash, self.tail))
-        par[PARAM.planned_front : PARAM.planned_tail + 1] = commands
+        planned = self.law is None and None in (self.swash, self.tail)
+        write_named(par, planned=(float(planned), *commands))
 
     @property
     def state_counts(self) -> tuple[int, int]:
@@ -226,8 +226,11 @@ class Controller(Value):
         ):
             usual = SHIPPED_LAW if slot == SHIPPED else NO_LAW
             par[index] = handles.get("all", handles.get(place, usual))
-        par[PARAM.law_token] = laws.token() if registered else 0.0
-        par[PARAM.swash_states], par[PARAM.tail_states] = self.state_counts
+        write_named(
+            par,
+            law_token=laws.token() if registered else 0.0,
+            swash_states=self.state_counts,
+        )
 
 
 GYRO = Controller()  # the gyro that every vehicle comes with

@@ -26,9 +26,8 @@ _SETTLED = 1e-9  # unitised: greatest error of commands, and of a state's step
 def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> LinearSystem:
     """Return a law's sampled linear model, what it sees to col, lon, lat, ped; or ModelError."""
     law = _Stepper(controller, model, trim)
-    seen, state = law.seen, law.state
-    if not controller.is_shipped:
-        seen, state = _settled(law, str(controller.name))
+    shipped = controller.is_shipped
+    seen, state = (law.seen, law.state) if shipped else _settled(law, str(controller.name))
     inputs = [name for name in Seen._fields if name != "time"]
     swashplate, n = Swashplate.in_block(law.par), state.size
 

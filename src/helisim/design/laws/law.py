@@ -158,9 +158,8 @@ def law_of(data: Mapping[str, Any]) -> Law:
 
 def read_law(path: str | PathLike[str]) -> Law:
     """Read a control law from a TOML file. Raises StorageError, InputError."""
-    content = read_toml(path)
     with placed(path):
-        return law_of(content)
+        return law_of(read_toml(path))
 
 
 @dataclass(frozen=True)

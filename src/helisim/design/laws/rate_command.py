@@ -15,7 +15,7 @@ from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
 from helisim.records.record import IN2, RATES
-from helisim.vehicle.addresses import addresses
+from helisim.vehicle.addresses import addresses, write_named
 from helisim.vehicle.assembly import write_gyro_filters
 from helisim.vehicle.swashplate import PLATE, as_it_is
 from helisim.vehicle.trim import gyro_integrals
@@ -165,16 +165,18 @@ class RateCommand(Law):
     def numbers(self, period: float) -> NDArray[np.float64]:
         """Return the compiled law's settings at a period (s), (n_settings,), trim left out."""
         settings = np.zeros(SETTINGS)
-        by_slot = {
-            "period": period,
-            "attitude_lock": self.attitude_lock,
-            "hold_above": 0.5 if self.anti_windup else NEVER,
-            "phase_cosine": math.cos(self.phase),
-            "phase_sine": math.sin(self.phase),
-            **{slot: getattr(getattr(self, axis), key) for slot, (axis, key) in _GAINS.items()},
+        gains = {
+            f"gyro_{slot}": getattr(getattr(self, axis), key)
+            for slot, (axis, key) in _GAINS.items()
         }
-        for name, value in by_slot.items():
-            settings[getattr(PARAM, f"gyro_{name}")] = value
+        write_named(
+            settings,
+            gyro_period=period,
+            gyro_attitude_lock=self.attitude_lock,
+            gyro_hold_above=0.5 if self.anti_windup else NEVER,
+            gyro_phase_cosine=(math.cos(self.phase), math.sin(self.phase)),
+            **gains,
+        )
         write_gyro_filters(
             settings,
             period=period,
