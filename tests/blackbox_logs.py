@@ -233,7 +233,6 @@ def event(kind: int, *numbers: int) -> bytes:
 
 
 def adjusted(function: int, value: int) -> bytes:
-    """Return event 13: a gain, or another setting, changed in flight."""
     return bytes([69, 13, function]) + signed(value)
 
 

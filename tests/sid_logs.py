@@ -140,7 +140,6 @@ class SidLog(Log):
         return round(1e6 * self._now)
 
     def say(self, text):
-        """Write a message to people."""
         self.write(2, self.us, text.encode())
 
     def _rows(self, number, time, values):
@@ -154,7 +153,6 @@ class SidLog(Log):
         return rows.view((np.uint8, rows.itemsize))
 
     def mode(self, number):
-        """Write that a mode was chosen."""
         self.write(3, self.us, number, number, 2)
 
     def sweep(

@@ -72,7 +72,6 @@ def test_every_public_name_is_there():
 
 @pytest.mark.slow
 def test_a_function_is_not_replaced_by_the_package_of_its_name():
-    """Public names are what they are called, also where a package has the same name."""
     names = "print(*(one.__name__ for one in (hs.look, hs.look, hs.design)))"
     code = f"import helisim as hs; {names}; import helisim.look, helisim.design.design; {names}"
     assert python(code).split() == 2 * ["look", "look", "design"]

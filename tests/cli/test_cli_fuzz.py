@@ -61,7 +61,6 @@ SOUND = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a record of white noise through a lag."""
     path = tmp_path_factory.mktemp("Messung ü")
     random = np.random.default_rng(1)
     stick = random.normal(size=1500)
@@ -73,7 +72,6 @@ def folder(tmp_path_factory):
 
 
 def outcome(arguments):
-    """Return a command's status and the lines it left on standard error."""
     stderr = io.StringIO()
     with contextlib.redirect_stderr(stderr), contextlib.redirect_stdout(io.StringIO()):
         try:

@@ -130,7 +130,6 @@ def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """Return a function that names a collective sweep, written once."""
     path = csv_writer(tmp_path_factory.mktemp("sweep"))()
     return lambda: path
 
@@ -162,7 +161,6 @@ def test_a_poor_fit_names_the_options_that_help(tmp_path, swept, capsys):
 
 
 def fitted(tmp_path, logs, *options, structure):
-    """Identify and return the fit that was written, whatever the exit status."""
     model = tmp_path / "model.json"
     where = ["--structure", structure, "--json", str(model), "--quiet"]
     assert main(["identify", *map(str, logs), *where, *options]) in (0, 1, 3)
@@ -170,7 +168,6 @@ def fitted(tmp_path, logs, *options, structure):
 
 
 def test_estimator_and_bounds_are_the_users(tmp_path, swept):
-    """--bounds holds the fit, and opens a side that is left out; --start is within them."""
     out = tmp_path / "frf.json"
     signals = ["--inputs", "col", "--outputs", "w", "--band", "2", "20", "--quiet"]
     words = ["--estimator", "windows", "--json", str(out)]
@@ -187,7 +184,6 @@ def test_estimator_and_bounds_are_the_users(tmp_path, swept):
 
 
 def test_short_records_are_fitted_by_their_likelihood(tmp_path, capsys):
-    """A doublet of 8 s needs no option; what is of spectral estimates is refused beside it."""
     time, inputs, outputs = flown(structures.heave, HEAVE, "col", 9, duration=8.0, noise=0.01)
     path = tmp_path / "short.csv"
     headings = ["t [s]", "col [1]", "w [m/s]"]
@@ -214,7 +210,6 @@ def test_what_is_known_from_a_bench_carries_its_error(tmp_path, swept):
 
 
 def test_recorded_sticks_are_the_reference(tmp_path, capsys):
-    """The joint estimate is the default, the direct one beside it; "none" asks for the direct."""
     copy_examples(tmp_path)
     log = str(tmp_path / "sweep_ped.parquet")
     words = ["identify", log, "--structure", "yaw_base", "--quiet"]
@@ -246,7 +241,6 @@ def test_options_overrule_what_the_log_says(tmp_path, capsys):
 
 
 def test_a_refused_fit_and_a_sweep_that_sank_end_no_other(tmp_path, capsys):
-    """Roll sinks; pitch is read from the yaw gyro, which it doesn't move; yaw and thrust go on."""
     log, out = SidLog().sweep(10, lands=6.0, told="height", **SHORT), tmp_path / "model.json"
     for axis in (11, 12, 13):
         log.sweep(axis, noise=0.3, seed=axis, **SHORT)

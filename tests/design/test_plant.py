@@ -154,7 +154,6 @@ def test_a_model_that_leads_a_little_is_read_later():
 
 @pytest.fixture(scope="module")
 def fit(yaw):
-    """A fit of two parameters, given a third with an error, with a covariance of the test's."""
     structure = ident.structures.yaw_base.with_fixed({"tau_r_base": 0.05}, {"tau_r_base": 0.002})
     carried, own = np.array([[0.03], [-0.5]]), np.array([[0.01, 0.06], [0.06, 4.0]])
     found = ident.identify(yaw.response(OMEGA), structure)
@@ -206,7 +205,6 @@ def test_a_broken_loop_is_the_vehicles(jr700, exact, axis):
 
 
 def test_commands_poles_and_steps_are_the_closed_systems(jr700, exact):
-    """Against the system from the sticks that `Vehicle.linearize` closes by itself."""
     whole = jr700.linearize("IN2")
     point = np.exp(1j * exact.frequency * whole.system.dt)
     row = whole.system.output_labels.index("phi")

@@ -159,7 +159,6 @@ def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
 
 @pytest.fixture(scope="module")
 def short(jr700):
-    """A proof by two short sweeps of yaw alone, as one records it without noise."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("actuators_ped", "sensors_ped"):
             few = {"period": 8.0, "duration": 26.0, "band": (4.0, 80.0)}

@@ -98,7 +98,6 @@ def test_a_model_without_yaw_is_said_so():
 
 
 def gains(gain):
-    """Return a law from rates and angles of roll, pitch and yaw to their commands."""
     none = np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((3, 0))
     fed = -gain * np.hstack([0.02 * np.eye(3), np.eye(3)])
     linear = LinearSystem(*none, fed, 0.002, Helicopter.outputs, ("lat", "lon", "ped"))
@@ -148,8 +147,6 @@ WIDE = np.array([-3.0, -3.0]), np.array([3.0, 3.0])
 
 
 def solved(distances, start, *, box=WIDE, cost=None, goal=0.0):
-    """Return where a descent from a start ends; it asks for nothing outside of its box."""
-
     def trial(at, near=False):
         assert np.all((box[0] <= at) & (at <= box[1]))
         found = np.array(distances(*at))
@@ -335,7 +332,6 @@ def test_models_drawn_keep_level_1_that_a_design_on_the_nominal_one_loses():
 
 
 def test_a_result_says_what_is_missed_and_by_how_many_models():
-    """Of hard and soft specifications, and of a law that was unstable before nothing."""
     specs = [Spec(StabilityMargins(axis="lat"), kind) for kind in ("hard", "soft", "check")]
     figures = {"gain_margin": 9.0, "phase_margin": 0.8, "crossover": 9.0}
     good, poor = (specs[0].criterion.rated(figures | {"gain_margin": one}) for one in (9.0, 4.5))

@@ -75,7 +75,6 @@ many.close()
 
 @pytest.mark.slow
 def test_pictures_show_the_helicopter_move():
-    """Gymnasium's checker finds nothing, pictures included; another state, another picture."""
     draws(DRAWN)
 
 
@@ -260,8 +259,6 @@ def test_a_task_of_ones_own_is_flown():
 
 
 def test_a_task_that_gives_something_else_is_one_clear_line():
-    """Scalars and other shapes would be spread over all helicopters."""
-
     class Scalar(helisim.gym.Hover):
         def reward(self, situation, seen):
             return 0.5

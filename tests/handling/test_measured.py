@@ -70,7 +70,6 @@ def test_without_noise_the_loop_is_exact():
 
 @pytest.fixture(scope="module")
 def coupled():
-    """Two loops excited together; the other's injected signal shows in this one's."""
     one, other = (
         flown(known_loop(), seed=k, noise=0.02, name=n) for k, n in ((1, "lat"), (2, "lon"))
     )
@@ -82,7 +81,6 @@ def coupled():
 
 
 def test_axes_that_are_swept_at_once_are_told_apart(coupled):
-    """S_ii has the other's reference taken out."""
     found = hs.margins(coupled, **CROSSOVER)
     _, phase, _, _ = control.margin(known_loop())
     assert abs(found.figure("phase_margin", "lat").value - phase) < 2.0
@@ -158,7 +156,6 @@ def test_a_signal_that_hardly_moves_is_at_rest(more):
 
 
 def test_records_that_share_a_signal_are_estimated_together():
-    """Through others too; one without any is left."""
     assert _groups([("a",), ("c",), ("a", "b"), (), ("b",)]) == [
         (("a", "b"), [0, 2, 4]),
         (("c",), [1]),
@@ -196,7 +193,6 @@ def test_what_is_doubtful_of_a_record_is_told():
 
 
 def test_sticks_alone_give_no_loop_and_the_remark_says_so():
-    """A pilot's sweep: the answer to the stick, and that margins can't be had."""
     time = np.arange(0.0, 60.0, PERIOD)
     stick = chirp(60.0, (1.0, 40.0), 0.1)
     answer = control.forced_response(control.tf([60.0], [1.0, 12.0, 60.0]), time, stick).outputs

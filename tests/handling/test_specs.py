@@ -46,7 +46,6 @@ def test_every_criterion_is_read_as_it_was_written(tmp_path):
 
 
 def test_what_people_write_is_read(tmp_path):
-    """A scale for all, words for axes, degrees where a name says so, whole numbers."""
     path = tmp_path / "specs.toml"
     path.write_text(
         'scale = 9\n[[spec]]\ncriterion = "stability_margins"\naxis = "roll"\nkind = "hard"\n'

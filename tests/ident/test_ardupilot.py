@@ -89,7 +89,6 @@ def test_simulating_the_file_as_ardupilot_does_gives_the_identified_motion(tmp_p
 
 
 def sweeps(values, step=1e-3):
-    """Return the twin's flights, one a command: roll, pitch, collective, yaw; all small."""
     time, records = np.arange(0.0, 25.0, step), []
     names = ("p", "q", "r", "w", "az", "lat", "lon", "col", "ped", "first", "second")
     channels = tuple(CHANNELS.get(name, Channel(name, "1", "OTHER", "")) for name in names)

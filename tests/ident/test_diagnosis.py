@@ -131,7 +131,6 @@ def roll(gains=None):
 
 
 def rolled(p=1.0, phi=1.0, delay=0.04, swapped=False):
-    """Return the roll's exact response in closed form, each output times a factor."""
     rate = 90.0 * np.exp(-1j * BAND * delay) / (1j * BAND + 6.0)
     rows = [p * rate, phi * rate / (1j * BAND)]
     names = {"inputs": ("lat",), "outputs": ("p", "phi"), "output_units": ("rad/s", "rad")}
@@ -139,7 +138,6 @@ def rolled(p=1.0, phi=1.0, delay=0.04, swapped=False):
 
 
 def causes(frf, structure):
-    """Return kind and options of what is suspected of a fit that must fail."""
     fit = identify(frf, structure)
     assert not fit.acceptable
     found = suspicions(fit)
@@ -147,7 +145,6 @@ def causes(frf, structure):
 
 
 def test_an_acceptable_fit_is_not_suspected():
-    """Nor is one whose factor a free gain takes up."""
     for frf in (rolled(), rolled(p=57.3, phi=57.3)):
         fit = identify(frf, roll())
         assert fit.acceptable
@@ -193,7 +190,6 @@ def fit():
 
 @pytest.fixture(scope="module")
 def unseen():
-    """A fit with a parameter that the data do not see: its bounds are infinite."""
     heave = structures.heave
     parameters = (*heave.parameters, Parameter("Z_q", "1", 1.0))
     structure = replace(heave, parameters=parameters, F=(("Z_w + 0*Z_q",),))
@@ -207,7 +203,6 @@ def wobbly():
 
 @pytest.mark.parametrize("which", ["fit", "unseen"])
 def test_a_fit_survives_json_without_loss(which, request, tmp_path):
-    """What is read back is the same to the last bit, and gives the same model and table."""
     one = request.getfixturevalue(which)
     plain = one.to_dict()
     again = Fit.from_dict(json.loads(json.dumps(plain, allow_nan=False)))
@@ -224,7 +219,6 @@ def test_a_fit_survives_json_without_loss(which, request, tmp_path):
 
 
 def test_the_result_is_a_named_model_that_can_not_be_changed(fit):
-    """A state space with names, its delays beside, and a response as it was measured."""
     assert fit.model.state_labels == ["p", "q", "a", "b"]
     assert fit.model.input_labels == ["lat", "lon"]
     assert fit.delays["lon"] == fit["tau_lon"].value
@@ -239,7 +233,6 @@ def test_the_result_is_a_named_model_that_can_not_be_changed(fit):
 
 
 def test_provenance_says_from_what_and_with_what(fit):
-    """Records, windows, band, method and program versions go with a fit."""
     provenance = fit.provenance
     assert provenance["method"] == "direct"
     assert provenance["band_rad_s"] == pytest.approx([1.0, 40.0])
@@ -251,7 +244,6 @@ def test_provenance_says_from_what_and_with_what(fit):
 
 @pytest.mark.parametrize("key", ["structure", "parameters", "correlation", "costs", "data"])
 def test_a_damaged_fit_is_refused(fit, key, tmp_path):
-    """A missing or mistyped part ends in a message that names the file and the part."""
     plain = fit.to_dict()
     path = tmp_path / "fit.json"
     path.write_text(json.dumps({name: item for name, item in plain.items() if name != key}))
@@ -264,7 +256,6 @@ def test_a_damaged_fit_is_refused(fit, key, tmp_path):
 
 @tabled("path", "wrong", "message")
 def test_what_a_fit_holds_is_checked(fit, path, wrong, message):
-    """Text for a number, a name that isn't there, a row too short."""
     plain = copy.deepcopy(fit.to_dict())
     inner = plain
     for key in path[:-1]:
@@ -275,7 +266,6 @@ def test_what_a_fit_holds_is_checked(fit, path, wrong, message):
 
 
 def test_what_is_no_fit_is_refused(tmp_path, fit):
-    """Another JSON file, no JSON and no file are told apart."""
     path = tmp_path / "other.json"
     for text, error, message in (
         ('{"format": "else"}', InputError, r"other\.json: this isn't a fit.*'else'"),
@@ -292,7 +282,6 @@ def test_what_is_no_fit_is_refused(tmp_path, fit):
 
 
 def test_the_table_states_each_response_its_band_and_the_support(wobbly):
-    """A line a parameter, a line a response, and the average with its word."""
     lines = str(wobbly).splitlines()
     (pair,) = wobbly.costs
     low, high = wobbly.bands[pair]
@@ -320,7 +309,6 @@ def test_only_responses_that_cost_more_than_50_are_explained(fit):
 
 
 def test_support_names_whom_a_parameter_is_correlated_with(wobbly):
-    """Pairs once each, in both directions, and nobody where none exceeds nine tenths."""
     names = [parameter.name for parameter in wobbly.structure.free]
     assert replace(wobbly, correlation=np.eye(3)).correlated == ()
     tied = np.eye(3)

@@ -48,7 +48,6 @@ def test_equal_lags_are_their_transfer_function():
 
 @pytest.mark.filterwarnings("ignore:Badly conditioned filter")  # of scipy's polynomials
 def test_a_state_space_of_scipy_has_the_same_response():
-    """An outside program's response of the rigid body with flapping."""
     values = near_starts(structures.rollpitch)
     numbers = structures.rollpitch.matrices(values)
     a, b = (np.linalg.solve(numbers["M"], numbers[x]) for x in "FG")
@@ -59,7 +58,6 @@ def test_a_state_space_of_scipy_has_the_same_response():
 
 
 def test_points_are_those_of_the_whole_response():
-    """In any order, any pair, any frequency twice; a scale multiplies each point's slopes."""
     structure, values = structures.hover, near_starts(structures.hover)
     total, slope = response_and_slope(structure, values, GRID)
     random = np.random.default_rng(5)
@@ -72,7 +70,6 @@ def test_points_are_those_of_the_whole_response():
 
 
 def test_a_parameter_that_stands_nowhere_has_no_slope_and_one_without_a_value_is_named():
-    """Zero, not what stood in the array before; with the names that there are."""
     idle = replace(JORDAN, parameters=(Parameter("idle", "1", 1.0), *JORDAN.parameters))
     _, slope = response_and_slope(idle, {"idle": 3.0, "T": 0.1, "K": 2.0}, GRID)
     np.testing.assert_array_equal(slope[0], np.zeros((1, 1, GRID.size)))
@@ -81,7 +78,6 @@ def test_a_parameter_that_stands_nowhere_has_no_slope_and_one_without_a_value_is
 
 
 def test_what_is_undefined_is_not_finite():
-    """A division by zero in F or in G, and a pencil that is singular at every frequency."""
     for change, values in (
         ({"F": (("1/K", "0"), ("1", "-1"))}, {"T": 0.1, "K": 0.0}),
         ({"G": (("1/K",), ("0",))}, {"T": 0.1, "K": 0.0}),
@@ -117,14 +113,12 @@ SIDE = Structure.from_dict(tomllib.loads(GOOD))
     ids=lambda one: getattr(one, "name", ""),
 )
 def test_derivatives_through_every_matrix_and_delay_are_exact(structure, values):
-    """M, H1, D and delays of either sign, of inputs and outputs."""
     _, slope = response_and_slope(structure, values, WIDE)
     # the square of the step, and rounding of 1e-16 over it
     np.testing.assert_allclose(slope, slopes(structure, values, WIDE), rtol=1e-6, atol=2e-6)
 
 
 def test_delays_turn_the_phase():
-    """exp(-j w tau) of the output times that of the input."""
     late = {**LATE.starts, "tau_in": 0.0, "tau_p": 0.0, "tau_q": 0.0}
     lag = np.array([[0.03 + 0.04, 0.03], [-0.02 + 0.04, -0.02]])
     expected = response(LATE, late, GRID) * np.exp(-1j * lag[:, :, None] * GRID)

@@ -39,7 +39,6 @@ def truth(b, a, frequency):
 
 
 def cut(seed, b, a, samples=2400):
-    """Return a filter's motion under white noise, cut out in full swing at both ends."""
     lat = np.random.default_rng(seed).standard_normal(samples + 500)
     return record(lat=lat[500:], p=lfilter(b, a, lat)[500:])
 
@@ -176,7 +175,6 @@ def test_a_records_lines_hold_its_power():
 
 
 def scatter(seed):
-    """Return an error model of two parts, three outputs, two inputs and two flights."""
     random = np.random.default_rng(seed)
 
     def numbers(*shape):
@@ -237,7 +235,6 @@ def test_the_covariance_is_the_sum_over_common_lines():
 
 
 def test_the_scatter_of_a_difference_has_the_difference_of_the_weights():
-    """Common lines cancel; biases and spreads add in squares."""
     one, other, at = scatter(2), scatter(3), np.array(POINTS).T
     both = one.minus(other)
     for name in ("bias", "spread"):
@@ -277,7 +274,6 @@ def test_transients_are_estimated_where_they_are():
 
 
 def test_with_references_responses_are_ratios():
-    """Inputs that follow the references by R, outputs by H R: their ratio is H."""
     random = np.random.default_rng(9)
     follow, vehicle = (random.normal(size=(2, 2)) + np.eye(2) * 2.0 for _ in range(2))
     made = lines(lambda w: (vehicle @ follow)[..., None] * np.ones(w.size))
@@ -321,7 +317,6 @@ def test_window_lengths_follow_the_published_rules(durations, band, lengths):
 
 
 def test_records_too_short_for_the_band_are_told_with_their_figures():
-    """What they last, the window that they allow, and the frequency that it resolves."""
     with pytest.raises(IdentificationError) as raised:
         window_lengths([30.0, 40.0], (0.4, 20.0))
     for told in ("lasts 30 s", "together 70 s", "of 14 s", "from 0.4488 rad/s", "at 0.4 "):
@@ -365,7 +360,6 @@ def test_composite_spectra_minimise_the_published_cost():
 
 
 def test_weighing_by_error_needs_records():
-    """A response without records is fitted by J."""
     exact = of_model(structures.yaw_base, YAW)
     by_coherence = identify(exact, structures.yaw_base, weighting="coherence")
     assert identify(exact, structures.yaw_base).values == by_coherence.values
@@ -449,7 +443,6 @@ def chosen(frf, count=20):
 
 
 def test_points_are_the_nearest_to_log_spaced_ones(frf):
-    """Of each response the coherent points of its band nearest to 20 log-spaced targets."""
     points = chosen(frf)
     for number, name in enumerate(points.pairs):
         output, input_ = name.split("/")
@@ -515,7 +508,6 @@ def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
 
 @pytest.mark.parametrize("standardised", [False, True])
 def test_the_accuracy_is_its_formulas(frf, standardised):
-    """CR, I, correlation from H = 2 J^T J; standard errors from the response's covariance."""
     points = chosen(frf)
     points = replace(points, gap=0.01 * np.exp(1j * points.frequency))
     cost = Cost(ROLLPITCH, points)
@@ -557,7 +549,6 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
 
 
 def test_verification_figures_are_their_formulas():
-    """J_rms and Theil's coefficient over all records, each about its own mean, and by output."""
     structure = structures.yaw_base
     fit = fitted(structure, YAW, GRID)
     names = (*structure.inputs, *structure.outputs)

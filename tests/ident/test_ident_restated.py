@@ -55,7 +55,6 @@ def numbers(random, *shape):
 
 
 def test_a_gaussian_mean_is_over_the_logarithm_of_the_frequency():
-    """Weighted sums over weighted counts, point by point."""
     random, frequency = np.random.default_rng(0), np.geomspace(1.0, 5.0, 9)
     values, weight = numbers(random, 2, 9), np.array([0.0, 2.0, *random.uniform(size=7)])
     near = [[np.exp(-0.5 * (np.log(a / b) / 0.3) ** 2) for a in frequency] for b in frequency]
@@ -282,7 +281,6 @@ LOW = "cost is at the band's lower edge, outside 2.85 to 20 rad/s"
 
 @tabled("ratio", "coherence", "told", "band")
 def test_the_shape_of_an_error_tells_its_cause(ratio, coherence, told, band):
-    """Three quarters of the cost in a third of the points at an edge, else low coherence."""
     note = shape("y/u", EDGED, ratio, np.full(41, coherence))
     assert (note is None) == (told is None)
     assert note is None or told in note.text

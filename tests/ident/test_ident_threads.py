@@ -29,7 +29,6 @@ def flight(seed, n=12_000):
 
 
 def numbers():
-    """Everything that an identification computes, as bytes."""
     frf = frequency_response(flight(1), inputs="col", outputs="w", band=(0.3, 12.0))
     fit = identify(frf, structures.heave)
     verified = verify(fit, flight(2, 2000))
@@ -51,7 +50,6 @@ def test_the_number_of_blas_threads_does_not_matter():
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor has one thread anyway")
 def test_the_callers_threads_are_kept():
-    """Inside the block BLAS has one thread; after the last block, as many as before."""
     with threadpool_limits(limits=2, user_api="blas"):
         with one_blas_thread():
             assert blas_threads() == {1}

@@ -23,7 +23,6 @@ def system(*matrices):
 
 
 def test_simulation_is_the_exact_discretisation():
-    """The blocked simulation equals scipy's step-by-step one, also for an unstable model."""
     random = np.random.default_rng(0)
     for shift in (-2.0, 0.3):
         a = random.normal(size=(4, 4)) + shift * np.eye(4)
@@ -83,7 +82,6 @@ def doublet(delay, *, bias=0.0, trim=0.0, noise=0.0, size=0.1, seed=0):
 
 @pytest.mark.parametrize("delay", [0.0333, -0.0127])
 def test_the_true_model_predicts_without_error(delay):
-    """With a delay of either sign between samples, bias and trim, nothing is left."""
     result = verify(yaw_fit(delay), doublet(delay, bias=0.3, trim=-0.2))
     assert result.j_rms < 1e-5
     assert result.tic < 1e-5
@@ -94,7 +92,6 @@ def test_the_true_model_predicts_without_error(delay):
 
 
 def test_unsuitable_records_are_refused():
-    """No records and a missing channel end in messages that say what exists."""
     fit = yaw_fit(0.0)
     with pytest.raises(InputError, match="no records"):
         verify(fit, [])
@@ -138,7 +135,6 @@ BANK = Structure(
 
 
 def banked(samples, growth=-2.0, trim=0.0, noise=0.0, step=0.02):
-    """Fly rate and bank by the model itself, with a trim of the control."""
     random = np.random.default_rng(3)
     fit = exactly(BANK, L_p=growth, L_lat=5.0)
     lat = 0.1 * np.cumsum(random.standard_normal((samples, 1)), axis=0) * step**0.5
@@ -169,7 +165,6 @@ def test_a_manoeuvre_of_another_control_is_no_test(size, lat, elsewhere):
 
 
 def test_an_output_that_is_noise_does_not_count():
-    """Bank under a disturbance ten times its motion; the rate alone makes the coefficient."""
     found = verify(*banked(2000, noise=20.0))
     assert found.quiet == ("phi",)
     assert found.tic == pytest.approx(found.tic_by_output["p"])

@@ -47,7 +47,6 @@ def moved(kind, unit, duration, size, step=0.02, start=1.0):
 
 
 def flown(structure, values, moves, noise, seed, step=0.02):
-    """Return records of `moves`, (input, kind, unit, duration, size), with white noise and bias."""
     model, random = linear(structure, values), np.random.default_rng(seed)
     found = []
     for name, *move in moves:
@@ -193,7 +192,6 @@ def test_a_motion_that_no_record_can_show_is_refused():
 
 @pytest.mark.slow
 def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
-    """16 % of the samples are lost in bursts of up to 250 ms."""
     moves = [("ped", THREETWOONEONE, 0.4, 10.0, 0.1)] * 2
     names = [one.name for one in structures.yaw_base.free]
     errors, widths = [], []

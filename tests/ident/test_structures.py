@@ -24,7 +24,6 @@ FREQUENCY = np.geomspace(0.7, 30.0, 7)
 
 
 def evaluated(text, values):
-    """Return an expression's value and its derivatives by name."""
     names = sorted(Expression(text).names)
     program = Program(names, names, {"F": (1, 1)}, [Entry("F", 0, 0, Expression(text))], {})
     at = program.ordered(values)
@@ -34,7 +33,6 @@ def evaluated(text, values):
 
 @tabled("text", "value", "slope")
 def test_expressions_give_value_and_exact_derivative(text, value, slope):
-    """An expression's derivative is the one found by hand; what is undefined is no crash."""
     got, gradient = evaluated(text, {"tau": 2.0, "a": 5.0})
     assert got == pytest.approx(value, rel=1e-15, nan_ok=True)
     assert gradient == pytest.approx(slope, rel=1e-15, nan_ok=True)
@@ -84,7 +82,6 @@ def test_expressions_are_pythons_and_their_derivatives_its_differences(text, at)
      "11" + "+a" * 99 + "1"],
 )  # fmt: skip
 def test_only_arithmetic_is_read(text):
-    """Whatever isn't plain arithmetic of 200 characters is refused, and nothing is executed."""
     with pytest.raises(InputError):
         Expression(text)
     assert Expression("11" + "+a" * 99).names == {"a"}
@@ -100,7 +97,6 @@ def write(tmp_path, text):
 
 
 def test_a_structure_of_ones_own_is_read_and_identified(tmp_path):
-    """Names, units, bounds, delays of either sign and sparse matrices arrive and act in the fit."""
     structure = Structure.from_toml(write(tmp_path, GOOD))
     assert structure.parameter("Y_lat") == Parameter("Y_lat", "m/s^2", 2.0, (0.0, 9.0))
     assert structure.parameter("Y_v").meaning == "side damping"
@@ -128,7 +124,6 @@ def test_a_structure_of_ones_own_is_read_and_identified(tmp_path):
     ids=lambda one: one.name,
 )
 def test_a_structure_survives_its_file_and_json(structure, tmp_path):
-    """What is written to TOML or JSON and read back is the same, to the last expression."""
     text = structure.to_toml(tmp_path / "one.toml")
     again = Structure.from_toml(tmp_path / "one.toml")
     assert again == structure == Structure.from_dict(json.loads(json.dumps(structure.to_dict())))
@@ -137,7 +132,6 @@ def test_a_structure_survives_its_file_and_json(structure, tmp_path):
 
 @tabled("old", "new", "error", "message")
 def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message):
-    """Each mistake ends in one message with the file, the entry, and what exists or is expected."""
     assert GOOD.count(old) >= 1
     path = write(tmp_path, GOOD.replace(old, new, 1))
     with pytest.raises(error, match=message) as raised:
@@ -150,7 +144,6 @@ HEAVE = structures.heave.to_dict()
 
 @tabled("change", "error", "message")
 def test_a_structure_that_does_not_fit_together_is_refused(change, error, message):
-    """Delays of signals that it lacks, names twice, matrices of another shape."""
     with pytest.raises(error, match=message):
         Structure.from_dict({key: x for key, x in HEAVE.items() if key != "H1"} | change)
 
@@ -170,13 +163,11 @@ def test_a_structure_that_does_not_fit_together_is_refused(change, error, messag
     ],
 )
 def test_a_parameter_that_can_not_be_is_refused(fields, message):
-    """Bounds that hold no start, and what is no number; an error is of a fixed parameter."""
     with pytest.raises(InputError, match=message):
         Parameter(**{"name": "K", "unit": "1", "start": 1.0} | fields)
 
 
 def test_a_bound_may_be_open():
-    """Infinity leaves a side open, in words in JSON; size is the scale, the start's, or one."""
     for pair in (["-inf", 0.0], [-2.0, "inf"], [-math.inf, math.inf]):
         plain = {**HEAVE["parameters"]["Z_w"], "bounds": pair}
         read = Structure.from_dict({**HEAVE, "parameters": HEAVE["parameters"] | {"Z_w": plain}})
@@ -187,7 +178,6 @@ def test_a_bound_may_be_open():
 
 
 def test_structures_move_to_other_channels():
-    """New channels in their places, the name kept unless another is given, the rest as it was."""
     sticks = structures.rollpitch.renamed({"lat": "LAT", "lon": "LON"}, name="rollpitch_in2")
     assert (sticks.name, sticks.inputs) == ("rollpitch_in2", ("LAT", "LON"))
     assert set(sticks.input_delays) == {"LAT", "LON"}
@@ -207,7 +197,6 @@ def test_structures_move_to_other_channels():
 
 @tabled("change", "further")
 def test_responses_of_a_chain_run_one_way(change, further):
-    """x2 follows x1, not the other way; a mass matrix couples both; D reaches on its own."""
     chain = Structure(
         name="chain",
         parameters=(Parameter("a", "1", 0.0, fixed=True),),
@@ -221,7 +210,6 @@ def test_responses_of_a_chain_run_one_way(change, further):
 
 
 def test_paths_are_those_of_a_response_that_is_not_zero():
-    """Random sparse structures with mass matrices: numbers where there is a path, else zeros."""
     rng = np.random.default_rng(0)
     s = 1j * np.array([0.7, 3.1])
     for _ in range(40):

@@ -127,7 +127,6 @@ def test_an_integral_does_not_wind_up(stick, angle):
 
 
 def test_a_heading_is_held_through_south_and_let_go_where_it_can_not_be_reached():
-    """Full pedal against a tail at its stop: the heading held stays within half a turn."""
     ticks = Ticks(HOLDS)
     for _ in range(2000):
         ticks(PED=0.5)

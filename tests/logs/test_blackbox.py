@@ -23,21 +23,18 @@ BETAFLIGHT |= {"pidsum_limit": "500", "pidsum_limit_yaw": "400"}
 
 
 def each(name, count, size=300):
-    """Return columns of random whole numbers that wander, in small steps and large ones."""
     random = np.random.default_rng([count, *name.encode()])
     steps = random.integers(-size, size + 1, (COUNT, count)) * (random.random((COUNT, 1)) < 0.3)
     return {f"{name}[{k}]": one for k, one in enumerate((np.cumsum(steps, axis=0) % 9000 - 4500).T)}
 
 
 def saved(folder, data, name="LOG00001.TXT"):
-    """Return the path of a file."""
     path = folder / name
     path.write_bytes(data)
     return path
 
 
 def check(log, columns, rows=slice(None)):
-    """Hold all fields of a log to the numbers that were written."""
     for name, values in columns.items():
         if name != "time":
             np.testing.assert_array_equal(log.raw(name), np.asarray(values)[rows], err_msg=name)
@@ -62,7 +59,6 @@ def test_every_field_of_rotorflight_is_read(tmp_path):
 def test_every_predictor_and_encoding_is_undone(
     tmp_path, predictor, encoding, p_predictor, p_encoding
 ):
-    """Groups of three, four and up to eight, small and large steps in them, and one alone."""
     own = Field(1, predictor, encoding, p_predictor, p_encoding)
     columns = {"time": TIME, **each("motor", 1), **each("own", 12), **each("small", 12, 2)}
     if {encoding, p_encoding} & {written.UNSIGNED_VB, written.NEG_14BIT}:
@@ -290,7 +286,6 @@ def test_without_a_mixer_the_limited_sum_of_terms_is_the_command(tmp_path, heade
 
 
 def flown():
-    """Return counts of a roll rate that follows a sweep of the mixer, as the loop makes it."""
     rate, count = 250.0, 15_000
     time = np.arange(count) / rate
     asked = 200.0 * np.sin(np.cumsum(2.0 + 20.0 * time / time[-1]) / rate)
@@ -335,7 +330,6 @@ def test_a_header_that_cant_be_is_refused(tmp_path, replaced, by, message):
 
 
 def attempt(path, data):
-    """Read a log; return whether it was read. Anything but our errors is raised."""
     path.write_bytes(data)
     read, said = [], "read"
     try:

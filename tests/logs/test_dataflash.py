@@ -11,7 +11,6 @@ from helisim.logs.dataflash import DataFlash
 
 
 def small():
-    """Return a log with two gyros, parameters that change and texts."""
     log = Log()
     log.define(1, "GYR", "QBfcha", "TimeUS,I,Rate,Roll,Yaw,Raw", units="s#kdd", multipliers="F-0BB")
     log.define(2, "PARM", "QNff", "TimeUS,Name,Value,Default")
@@ -83,7 +82,6 @@ def test_what_is_not_there_is_named(tmp_path):
 
 
 def every_letter(count=40):
-    """Return a log with each letter of the format, random numbers and words in each."""
     random = np.random.default_rng(7)
     log = Log()
     letters = "".join(letter for letter in LETTERS if letter not in "aQ")
@@ -127,7 +125,6 @@ def rows_of(path):
 
 
 def same_as_reference(log, reference):
-    """Assert that all columns of all types and instances are the reference's."""
     assert set(log.types) == set(reference)
     for name, (columns, instance_field, rows) in reference.items():
         for instance in log.instances(name):

@@ -16,7 +16,6 @@ RATE = {"p": Column("p", "rad/s")}
 
 
 def read(path, *names, time=None):
-    """Return the rate of a log."""
     map_ = Map(RATE, time, Layout(names=names))
     return read_log(path, channels=map_).records[0]["p"]
 

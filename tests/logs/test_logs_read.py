@@ -220,12 +220,10 @@ def options(columns, **declared):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_said_of_a_sound_flight(seed):
-    """Attitudes to 60 degrees and noise of 2 %: each channel goes with the others."""
     assert found(flight(seed)) == []
 
 
 def test_rates_and_angles_in_another_unit_are_told():
-    """By their size, by what they would swing, or where they are small by their angles."""
     fast = flight() | {name: flight()[name] / RAD_PER_DEG for name in "pqr"}
     expected = {f"--channel {name}={name}_raw:deg/s" for name in "pqr"}
     assert options(fast) == expected
@@ -273,7 +271,6 @@ def test_gravity_alone_tells_an_accelerometer():
 
 
 def test_controls_that_are_pulses_or_percent_are_told():
-    """1100 to 1900 are a radio's pulses; -40 to 40 are no share of one."""
     t = 2.0 * np.pi * np.arange(6000) / 1000.0
     pulses = found({"lat": 1500.0 + 400.0 * np.sin(t)})
     assert said(pulses[0]) == "--channel lat=lat_raw:us:trim=1500:range=800"

@@ -39,7 +39,6 @@ def stamped(count):
 
 
 def ulog(count=500):
-    """Return a ULog with a gyro at 250 Hz and sticks at 50 Hz."""
     stamps, t = stamped(count)
     gyro = np.column_stack([np.sin(t), np.arange(count), 0.0 * t])
     topics = {"gyro": (stamps, {"xyz": gyro}), "stick": (stamps[::5], {"roll": np.cos(t[::5])})}
@@ -47,7 +46,6 @@ def ulog(count=500):
 
 
 def dataflash(count=500):
-    """Return a DataFlash log of the same gyro."""
     stamps, t = stamped(count)
     return autopilot_logs.dataflash({"GYR": (stamps, {"X": np.sin(t), "Y": np.arange(count)})})
 
@@ -224,7 +222,6 @@ SETTINGS = settings(max_examples=60, suppress_health_check=LARGE)
 
 
 def opened(data: bytes, read, **options) -> Any:
-    """Return what a file of these bytes is, or the error; anything else that is raised fails."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "any.log")
         path.write_bytes(data)
@@ -235,7 +232,6 @@ def opened(data: bytes, read, **options) -> Any:
 
 
 def faults(data: bytes, **options) -> list[str]:
-    """Return what is wrong with the records that bytes give, or with the error's message."""
     log = opened(data, read_log, channels=MAP, **options)
     if isinstance(log, HelisimError):
         return [] if "any.log" in str(log) else [f"the message doesn't name the file: {log}"]
@@ -243,7 +239,6 @@ def faults(data: bytes, **options) -> list[str]:
 
 
 def unsound(log: Log, rate: float | None) -> Iterator[str]:
-    """Yield what is wrong with a log that was read."""
     for k, record in enumerate(log.records):
         if not np.all(np.isfinite(record.values)):
             yield f"record {k} has numbers that are not finite"
@@ -340,7 +335,6 @@ COLUMNS = st.sampled_from(KINDS)
 
 
 def column(kind, count, seed):
-    """Return numbers of a kind, (count,)."""
     t, random = np.arange(count) / 50.0, np.random.default_rng(seed)
     return {
         "time": t,
@@ -364,7 +358,6 @@ def column(kind, count, seed):
 )
 @settings(max_examples=150, deadline=None)
 def test_any_table_is_looked_at_or_refused(columns, count, cut, seed):
-    """Columns of any kind under any name, with a gap: a value that prints, or an error."""
     heads = [head for head, _ in columns]
     rows = zip(*(column(kind, count, seed).tolist() for _, kind in columns))
     lines = [",".join("" if cell != cell else repr(cell) for cell in row) for row in rows]

@@ -15,7 +15,6 @@ EVERY = 2
 
 @pytest.fixture(scope="module")
 def flown():
-    """JR700 for 10 s, a loop each 2 ms, logged at 250 Hz."""
     vehicle = hs.load("jr700")
     law = flights.law_for(vehicle)
     flight, loops = flights.fly(vehicle, law, seed=2, duration=10.0, shaking=flights.Shaking())

@@ -157,7 +157,6 @@ def test_what_means_nothing_is_left_alone():
 
 
 def guessed(columns, log_format="CSV", given=(), units=()):
-    """Return what is guessed of columns, name -> (rate, values), each with a clock of its own."""
     topics, (rates, values) = {name: name for name in columns}, zip(*columns.values())
     stamps = {k: 1e6 * np.arange(np.size(v)) / r for k, r, v in zip(columns, rates, values)}
     read = {name: np.asarray(value, float) for name, value in zip(columns, values)}

@@ -27,7 +27,6 @@ DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
 
 
 def command(found):
-    """Return the proposal as the command line has it, empty without one."""
     return "" if found.proposal is None else command_line(found.proposal)
 
 
@@ -51,7 +50,6 @@ def rolled(duration=60.0, fine=1000.0, seed=0):
 
 
 def sampled(rate, jitter, seed, *columns):
-    """Return stamps in us, off by up to `jitter` steps, and columns at these instants."""
     t, random = rolled()[0], np.random.default_rng(seed)
     count = int(t[-1] * rate) - 1
     at = (np.arange(1, count) + jitter * random.uniform(-0.5, 0.5, count - 1)) / rate
@@ -110,7 +108,6 @@ def anyones(path, *, gap=False):
 
 
 def runs(found, folder):
-    """Run the command that a look prints; return the fit."""
     words = shlex.split(command(found))
     assert words[:2] == ["helisim", "identify"]
     out = folder / "model.json"
@@ -251,7 +248,6 @@ def test_a_closed_loop_is_told(tmp_path):
 
 
 def named(path, control, rate, scale=1.0):
-    """Write a roll sweep with a control and a rate of these names, and the bank."""
     _, lat, p, phi = rolled()
     stamps, columns = sampled(50.0, 0.0, 3, lat, scale * p, phi / RAD_PER_DEG)
     header = f"time_us,{control},{rate},bank"
@@ -280,7 +276,6 @@ def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
 def flown(
     path, *, lat=1.0, heading="time,aileron,gyro_x,thrust,rc_aileron", of=60.0, delimiter=","
 ):
-    """Write a table of a roll sweep at 50 Hz: lat in percent times `lat`, p in deg/s."""
     t, own, p, _ = rolled()
     rows = slice(0, int(of * 1000), 20)
     still = np.full(t[rows].size, 3.0)
@@ -291,7 +286,6 @@ def flown(
 
 @pytest.mark.slow
 def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
-    """Of a small motion alone, percent and deg/s would be taken for 1 and rad/s."""
     small = flown(tmp_path / "a.csv", lat=0.02)
     units = {one.name: one.column.unit for one in look(small).logs[0].channels}
     assert (units["lat"], units["p"]) == ("1", "rad/s")

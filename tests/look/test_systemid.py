@@ -40,7 +40,6 @@ def identified(path, **options):
 
 
 def one_sweep(folder, axis=12, log=None, **options):
-    """Return the path of a log with one sweep."""
     return (log or SidLog()).sweep(axis, **SHORT | options).save(folder)
 
 
@@ -381,7 +380,6 @@ S = 1j * OMEGA
 
 
 def named(omega, response):
-    """Return the order as a structure's name."""
     zeros, poles = found_order(omega, response)
     return f"tf:{zeros}/{poles}"
 
@@ -456,7 +454,6 @@ def test_the_loop_is_the_laws_and_the_helicopters_and_what_disturbs_it_is_told(t
 
 @pytest.mark.parametrize("without", [pytest.param((), marks=pytest.mark.slow), ("PIDR",)])
 def test_bursts_of_lost_messages_leave_the_loop_and_widen_its_intervals(tmp_path, without):
-    """16 % of all messages are lost in bursts of 20 to 250 ms; PIDR tells what comes back."""
     whole, left = Flown(without=without).fly(10).save(tmp_path), tmp_path / "left.bin"
     lost_samples.cut(whole, left, "bursts", 0.16, 3)
     flown = [flown_loops(path) for path in (whole, left)]
@@ -505,7 +502,6 @@ def test_what_cannot_be_measured_is_said_in_one_line(tmp_path, capsys, axis, wor
 
 @pytest.mark.slow
 def test_a_damaged_log_gives_the_same_within_its_errors_or_says_what_is_lost(tmp_path):
-    """Random bytes after the formats, 1 % and 0.01 %; two logs in one; one that was cut off."""
     log = SidLog().sweep(12, noise=0.3, seed=1, **SHORT)
     path, formats = log.save(tmp_path), 30 * 89
     sound = identified(path)["yaw_alone"]

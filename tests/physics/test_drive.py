@@ -48,7 +48,6 @@ def block(**numbers):
 
 @pytest.fixture(scope="module")
 def motor():
-    """The JR700 with its electric motor."""
     return load("jr700", parameters={"drive.governor": "motor"})
 
 
@@ -145,7 +144,6 @@ def test_the_engine_has_its_greatest_power_where_it_should():
 
 @given(throttle=st.floats(0.0, 1.0), speed=st.floats(0.0, 2.0))
 def test_the_freewheel_never_brakes(motor, throttle, speed):
-    """Whatever the motor would do, the shaft is turned or let go; with grip, by all the torque."""
     par = motor.model.actuator_user[addresses(motor.model).rotor]
     free, whole = drive.engine_torque(par, throttle, speed, MAINS), drive.grip(par)
     found = drive.shaft_torque(par, throttle, speed, MAINS)
@@ -211,7 +209,6 @@ def test_a_rotor_without_load_runs_down_as_profile_drag_has_it(motor, name):
 
 
 def test_the_governor_leaves_no_droop(motor):
-    """With more collective the speed falls, and comes back to the last digit."""
     bench = Bench(motor)
     place(bench.model, bench.data, motor.trim)
     bench.data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]

@@ -215,7 +215,6 @@ def test_a_slower_rotor_is_the_same_blade(par):
 
 @pytest.mark.parametrize(("lock", "frequency"), ROTORS[1:4:2])
 def test_a_rotor_that_stops_lays_its_blades_down(par, lock, frequency):
-    """At rest the tilt dies and the shaft takes the blades along; on the way nothing jumps."""
     rolling = Velocities(3.0, -2.0, 1.0, 1.0, -0.5, 0.2)
     before, hung = None, held_by(par, lock, frequency)
     for speed in np.linspace(1.2, 0.0, 1201):

@@ -44,8 +44,6 @@ def test_compiled_code_knows_the_index_of_each_name():
 
 
 def test_a_name_that_does_not_exist_is_not_compiled():
-    """A misspelt parameter fails when compiled, not in flight."""
-
     @njit
     def wrong(numbers):
         return numbers[PARAM.main_raduis]  # pyright: ignore[reportAttributeAccessIssue]

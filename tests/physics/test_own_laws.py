@@ -24,7 +24,6 @@ from tabled import tabled
 
 
 def test_a_law_is_known_until_it_is_released():
-    """By handle, process and count of states; a failure is told once."""
     law = Registered(
         OwnLaw(lambda seen: (1.0,) * 3, "all", 2, np.zeros(1), None, "short"), watched=True
     )
@@ -40,7 +39,6 @@ def test_a_law_is_known_until_it_is_released():
 
 
 def test_a_failed_law_leaves_the_servos_where_they_were(jr700):
-    """At its third tick; the second tick's commands stay, and the block says why."""
     given = []
 
     def law(seen, state):
@@ -73,8 +71,6 @@ def test_commands_go_to_their_servos_or_are_refused(place, given, commands):
 
 
 def test_a_law_is_reset_when_it_starts_and_says_where_it_fails():
-    """Functions of one to three arguments; state and settings are its own, traceback and all."""
-
     def law(seen, state, settings):
         state[:] += settings
         if state[1] > 5.0:
@@ -110,7 +106,6 @@ def test_either_half_that_fails_stops_both(jr700, bad):
 
 
 def test_a_law_that_is_gone_is_missed(jr700):
-    """Even while it flies: the servos stay, and the block says why."""
     model, where = jr700.model.__copy__(), addresses(jr700.model)
     hs.set_controller(model, Controller(lambda seen: (0.1, 0.2, 0.3, 0.4)))
     data, handle = mujoco.MjData(model), model.actuator_user[where.rotor, PARAM.swash_law]
@@ -147,7 +142,6 @@ def flown(vehicle, controller, steps=8):
 
 @pytest.mark.parametrize("own", [("swash",), ("tail",), ("swash", "tail")])
 def test_copies_of_the_gyros_halves_fly_as_it_does(jr700, own):
-    """Each law has its own servos and states, beside the other half, shipped or not."""
     copies = {"swash": lambda *seen: cyclic_law(*seen), "tail": lambda *seen: yaw_law(*seen)}
     par = jr700.model.actuator_user[addresses(jr700.model).rotor, : len(PARAM)]
     controller = Controller(**{place: copies[place] for place in own}, settings=par)
@@ -257,7 +251,6 @@ SMALL = ("qpos", "qvel", "act", "qacc", "sensordata", "qfrc_passive", "ctrl")
 
 
 def history(model, steps=200):
-    """Return every number of a short, driven motion."""
     data = mujoco.MjData(model)
     data.qvel[:] = 1.0
     data.act[:] = 0.3
@@ -285,7 +278,6 @@ def test_other_models_are_left_alone(kind, integrator):
 
 
 def test_nothing_is_left_behind():
-    """All four hooks are set in the block and free after it, also after an exception."""
     with installed():
         assert all(getattr(mujoco, f"get_mjcb_{hook}")() is not None for hook in HOOKS)
     assert all(getattr(mujoco, f"get_mjcb_{hook}")() is None for hook in HOOKS)
@@ -327,8 +319,6 @@ def test_blocks_overlap_between_threads():
 
 @pytest.mark.parametrize("hook", ["passive", "sensor"])
 def test_foreign_callback_is_refused_by_name(hook):
-    """Someone else's callback is neither replaced nor removed, and the message names it."""
-
     def theirs(*_):
         return 0.0
 
@@ -361,7 +351,6 @@ def test_missing_field_is_one_clear_line(monkeypatch):
 
 
 def test_a_replacement_inside_the_block_stays():
-    """Whoever replaced our callback within the block finds theirs in place after it."""
     with installed():
         mujoco.set_mjcb_control(_nothing)
     try:
@@ -379,7 +368,6 @@ def _nothing(model, data):
 
 @pytest.fixture
 def spec():
-    """The shipped MJCF, with all that the force laws need."""
     return mujoco.MjSpec.from_file(str(model_folder("jr700") / "jr700.xml"))
 
 
@@ -488,7 +476,6 @@ def other_group_off(spec):
     [other_group_off, beside_a_door, *map(switched_off, ["SPRING", "DAMPER"]), steps(0.025 / 15)],
 )
 def test_a_whole_model_is_said_nothing_of(spec, recwarn, harmless):
-    """Neither in flight nor by `check_model`, which names its body."""
     harmless(spec)
     model = spec.compile()
     fly(model)
@@ -507,7 +494,6 @@ def test_a_gyro_without_room_leaves_the_servos_alone(spec):
 
 
 def test_a_model_of_others_has_no_vehicle():
-    """`check_model` was asked for one; `installed` has nothing to say of it."""
     model = mujoco.MjModel.from_xml_string('<mujoco model="empty"/>')
     with pytest.raises(CallbackError, match="model 'empty' has no helicopter of helisim"):
         hs.check_model(model)
@@ -523,13 +509,11 @@ def named(spec, name):
 
 
 def step(*models):
-    """Take three steps with each."""
     for model in models:
         mujoco.mj_step(model, mujoco.MjData(model), 3)
 
 
 def test_the_block_says_it_once_and_forgets(spec):
-    """Of three models the first; the next block starts with a clean slate."""
     sound, first, second = spec.compile(), named(spec, "first"), named(spec, "second")
     with pytest.raises(CallbackError, match="model 'first'"), hs.installed():
         step(sound, first, second, first)
@@ -537,8 +521,6 @@ def test_the_block_says_it_once_and_forgets(spec):
 
 
 def test_an_exception_of_the_block_comes_first(spec):
-    """What was found is its note."""
-
     def failing():
         with hs.installed():
             step(named(spec, "first"))
@@ -572,7 +554,6 @@ def test_rollout_in_threads_says_it_once(spec):
 
 @pytest.mark.parametrize("model", ["scene.xml", None])
 def test_what_is_no_model_is_told_so(model):
-    """A path is not yet a model."""
     for ask in (hs.check_model, lambda model: hs.set_controller(model, None)):
         with pytest.raises(InputError, match=r"a mujoco\.MjModel is needed"):
             ask(model)

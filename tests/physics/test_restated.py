@@ -182,7 +182,6 @@ def test_every_number_is_the_restated_one(altered, case, seed):
 
 
 def reports(now):
-    """Return what the sensors of controls, servos, tilt and air say of a moment, by name."""
     return {
         "stick": now.ctrl[:4],
         "servo_command": now.ctrl[4:8],
@@ -301,7 +300,6 @@ def test_phase_derivative_is_the_frequency_formula(time):
 
 
 def test_unsteady_sweep_differs_by_seed():
-    """A human sweep wobbles about the machine's, each seed in its own way."""
     time = np.linspace(2.0, DURATION - 2.0, 400)
     flown = [
         np.array([sweep(t, DURATION, W_MIN, W_MAX, 1.0, u, s) for t in time])
@@ -315,7 +313,6 @@ def test_unsteady_sweep_differs_by_seed():
 
 @pytest.mark.parametrize(("seed", "channel"), [(0, 3), (2_000_000_000, 2)])
 def test_noise_has_zero_mean_and_unit_variance(seed, channel):
-    """Mean 0 and variance 1 within 4.5 standard errors over 40000 knots, in any channel."""
     values = noise(seed, channel)
     assert abs(values.mean()) < SIGMAS / math.sqrt(COUNT)
     # kurtosis of a sum of four uniforms is 3 - 1.2 / 4 = 2.7: var(s^2) = 1.7 / n
@@ -324,7 +321,6 @@ def test_noise_has_zero_mean_and_unit_variance(seed, channel):
 
 
 def test_noise_is_white_and_independent():
-    """No correlation from knot to knot, between channels, or between neighbouring seeds."""
     base = noise(7, 0)
     others = [base[1:], noise(7, 1), noise(7, 3), noise(8, 0), noise(6, 0), noise(1, 7)]
     for other in others:
@@ -347,7 +343,6 @@ def test_remnant_is_continuous_with_unit_variance():
 
 
 def test_a_sweep_fades_in_and_out():
-    """A sine of its phase, which begins at 0, under a trapezium; nothing before and after."""
     time = np.linspace(-2.0, DURATION + 2.0, 2001)
     shape = np.interp(time, [0.0, 3.0, DURATION - 3.0, DURATION], [0.0, 1.0, 1.0, 0.0])
     phase = [pilot.sweep_phase(t, DURATION, W_MIN, W_MAX) for t in time]

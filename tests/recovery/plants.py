@@ -26,7 +26,6 @@ ROLLPITCH_IN1 = {
 def respond(
     structure: Structure, values: Mapping[str, float], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the plant's outputs at the simulation rate, delays of either sign included."""
     model = linear(structure, values)
     time = np.arange(inputs.shape[0]) / RATE
     outputs = []

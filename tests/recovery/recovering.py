@@ -47,7 +47,6 @@ def recover(aircraft: Aircraft, seed: int, estimator: str = "local") -> Recovery
 def estimated(
     aircraft: Aircraft, records: list[FlightRecord], estimator: str = "local"
 ) -> FrequencyResponse:
-    """Return the response with default options, the sticks as references where a loop is closed."""
     with warnings.catch_warnings():
         for name in ("ClosedLoop", "CrossControl", "RecordQuality"):
             category = getattr(ident, f"{name}Warning")

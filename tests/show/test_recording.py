@@ -28,7 +28,6 @@ SPEED = 178.0
 
 
 def read(path) -> dict[str, dict[str, np.ndarray]]:
-    """Return the recording as entity -> column -> array, the time in whole nanoseconds."""
     contents: dict[str, dict[str, np.ndarray]] = {}
     for chunk in RrdReader(path).stream():
         batch = chunk.to_record_batch()
@@ -42,7 +41,6 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
 
 
 def numbers(rows) -> np.ndarray:
-    """Return nested lists as an array of floats."""
     return np.array(rows.tolist(), dtype=float)
 
 
@@ -53,7 +51,6 @@ def model(jr700):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory, model):
-    """A flight of 300 samples at 100 Hz, and its recording, which shows every second one."""
     record = make_flight(
         parameters={"main_rotor.hub_stiffness": 86.0, "main_rotor.speed": SPEED},
         reached={"phases": [[0.02, "hover"], [1.5, "flare"]]},

@@ -151,7 +151,6 @@ class SitlWindow:
 
 @pytest.fixture(scope="module")
 def flown(jr700):
-    """An aircraft, and all of it that is seen."""
     aircraft = Aircraft(jr700)
     return aircraft, seen(aircraft)
 
@@ -167,7 +166,6 @@ def watched(flown):
 
 
 def fly(aircraft, shown, clock, pulses, frames):
-    """Fly frames in real time; return whether the window ended it."""
     over = False
     for number in range(frames):
         clock[0] += 1e-3

@@ -158,7 +158,6 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
 def test_the_record_goes_to_the_end_is_marked_and_refused_by_the_identification(
     wild, jr700, tmp_path
 ):
-    """By its place among the records; told to, it takes it, as it does without the mark."""
     record = wild.record
     end = record.provenance["ended"]
     assert record.ended == f"{end['why']} at {end['at']:.2f} s"

@@ -36,7 +36,6 @@ def same(one, other):
 
 
 def test_records_are_complete_and_come_one_by_one_whatever_jobs_and_count(jr700, three):
-    """The first record is there before the others are flown, and flying can stop after it."""
     again = fly(jr700, SHORT, count=3, seed=7, jobs=2)
     assert all(same(one, other) for one, other in zip(three, again))
     assert same(fly(jr700, SHORT, count=1, seed=7, jobs=1)[0], three[0])

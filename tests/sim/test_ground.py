@@ -46,7 +46,6 @@ def grip(model):
 
 
 def stepped(model, data, seconds):
-    """Step, and return time, position and force of contact at each step, (n,), (n, 3), (n, 3)."""
     rows = []
     with installed():
         while data.time < seconds:

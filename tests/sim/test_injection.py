@@ -22,7 +22,6 @@ TRUE = Recorder(noise={}, resolution={}, latency={})
 @pytest.mark.parametrize("at", ["servos", "actuators", "sensors"])
 @pytest.mark.parametrize("timestep", [0.001, 0.0005])
 def test_what_is_added_is_held_between_ticks(at, timestep):
-    """So that a flight doesn't depend on the time step: each value for a whole gyro period."""
     vehicle = load(timestep=timestep)
     axis = "q" if at == "sensors" else "lon"
     time = np.linspace(0.0, 1.0, 101)
@@ -137,7 +136,6 @@ def oscillation(axis, amplitude, frequency):
 
 @pytest.mark.parametrize(("angle", "rate"), [("phi", "p"), ("theta", "q"), ("psi", "r")])
 def test_a_law_sees_the_angle_and_its_rate(jr700, angle, rate):
-    """Of a law that answers nothing the flight is the same: what differs is what was added."""
     amplitude, frequency = 0.02, 40.0
     moved = seen_by_blind(jr700, oscillation(angle, amplitude, frequency))
     held = seen_by_blind(jr700, oscillation(angle, 1e-12, frequency))

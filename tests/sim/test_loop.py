@@ -155,7 +155,6 @@ def same(one, other):
 
 
 def test_without_a_controller_the_servos_are_the_callers_also_in_a_flight(jr700):
-    """Nothing overwrites their `ctrl`, in steps of one's own."""
     model, data = copy.copy(jr700.model), jr700.hovering()
     hs.set_controller(model, None)
     where = addresses(model)

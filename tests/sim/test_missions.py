@@ -98,7 +98,6 @@ def test_a_turn_has_its_rate_and_twice_that_a_second(angle, rate):
 
 
 def test_a_script_that_wants_no_number_or_raises_ends_its_flight(jr700):
-    """Which, is said, with the script's lines; the record goes as far as the flight did."""
     with pytest.raises(DivergedError, match=r"mission 'lost' wants north = nan at 0\.5"):
         hs.fly(jr700, Lost(), seed=1)
     with pytest.raises(DivergedError, match=r"'stumbling' raised ZeroDiv.* at 0\.5") as caught:

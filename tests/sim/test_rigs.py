@@ -64,7 +64,6 @@ def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
 
 @pytest.mark.slow
 def test_bench_and_turntable_give_the_controllers_gains(ground):
-    """k_p and k_I, given k_delta; k_a, given both, two ways; and the lead on the rate."""
     found = ground["bench"]
     # 0.4 % measured; the resolution of the recorded servo is 2 % of the smallest jump
     assert percent(found["k_p"]) < 1.0
@@ -100,7 +99,6 @@ def test_the_gains_found_are_those_of_the_vehicle_tested():
 
 
 def made_up(gap, gain, ratio, delay, lead, lead_filter):
-    """A sweep r and the PI loop's exact answer to it, from the analytic response."""
     time = np.arange(6000) * 0.01
     inside = np.clip((time - 5.0) / 50.0, 0.0, 1.0)
     angle = 2.0 * np.pi * (0.3 * 50.0 * inside + 2.5 * 50.0 * inside**2)
@@ -221,7 +219,6 @@ def record(truth, seed=0, **settings):
 
 @pytest.fixture(scope="module")
 def tumbling(jr700):
-    """A lively flight: its truth, and the centre of gravity's own motion from the state."""
     model = jr700.model
     data = jr700.hovering()
     write_motion(model, data, Motion(p=0.8, q=-0.5, r=0.7, u=0.5, phi=jr700.trim.phi, down=-10.0))
@@ -270,7 +267,6 @@ def test_what_the_imu_measures_is_corrected_to_the_centre_of_gravity(tumbling):
 
 @pytest.fixture(scope="module")
 def plain():
-    """What a recorder without latencies or noise sees of the made-up flight."""
     return record(artificial(), **WIDE, **PLAIN)
 
 

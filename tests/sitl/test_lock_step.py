@@ -58,7 +58,6 @@ class Served:
         return self._over
 
     def autopilot(self, resend=0.1):
-        """Return a played autopilot, which waits `resend` s before it sends again."""
         self._autopilots.append(played.PlayedAutopilot(self.link.port, resend=resend))
         return self._autopilots[-1]
 

@@ -25,7 +25,6 @@ LINE = 98
 
 @pytest.fixture(scope="module")
 def made():
-    """Parameters of the JR700, by its exact linearisation."""
     return hs.autopilot_parameters("jr700")
 
 
@@ -284,7 +283,6 @@ def test_full_cyclic_stops_at_its_limit():
 
 @tabled("parameters", "said")
 def test_what_it_does_not_know_is_said(parameters, said):
-    """Four servos, a motor at the tail, a servo without output: one line each."""
     with pytest.raises(InputError, match=said):
         Mixer({**ANYWHERE, **parameters})
 

@@ -107,7 +107,6 @@ def test_modes_are_those_of_pymavlinks_own_list():
 
 @tabled("steps", "seconds", "says")
 def test_what_does_not_come_is_told_in_time(copter, steps, seconds, says):
-    """What it said before doesn't count; of what it said since, the last three."""
     pilot = piloted(copter)
     copter.say("bad day")
     copter.fly(pilot.wait(1.5), pilot)
@@ -121,7 +120,6 @@ def test_what_does_not_come_is_told_in_time(copter, steps, seconds, says):
 
 
 def test_what_it_says_is_kept_and_warnings_are_told(copter):
-    """Severities of syslog: 4 is a warning, 5 a notice; another component's word isn't its."""
     said = []
     pilot = piloted(copter, said)
     assert pilot.telemetry.mode is None

@@ -190,7 +190,6 @@ AFTER = [pytest.param(*one, marks=pytest.mark.slow) for one in AFTER]
 def test_a_flight_that_ends_early_keeps_log_and_record(
     tmp_path, monkeypatch, capsys, does, dies, status, said, frames
 ):
-    """After a refusal or a crash it flies on for 4 s, so that the log has what led there."""
     rest = ENDS.replace("{dies}", str(dies or -1))
     own, temporary = tmp_path / "own.py", tmp_path / "temporary"
     begins = "import signal\nfrom helisim.base.errors import AutopilotError\ndef fly(pilot):"
@@ -260,7 +259,6 @@ def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, caps
 
 
 def its_parameters_were_taken(log):
-    """Each name of the shipped file is one of ArduPilot's, and no value was limited or refused."""
     shipped = parm_file(model_folder("jr700") / "jr700.parm")
     taken = log.parameters()
     for name, value in shipped.items():
@@ -290,7 +288,6 @@ def its_pulses_are_repeated(log):
 
 @pytest.mark.slow
 def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
-    """Ten seconds of each, in which the autopilot starts; scripts/proof/tour.py is of minutes."""
     records, path = [], tmp_path / "flight.parquet"
     for _ in range(2):
         aircraft, text = Aircraft("jr700", recorded=True), parameters_for("jr700").text

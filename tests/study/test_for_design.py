@@ -54,7 +54,6 @@ def shipped_law(vehicle, faster=1.0):
 
 @pytest.fixture(scope="module")
 def flown(jr700):
-    """Five sweeps of each axis, as `helisim reproduce --flights 5` flies them."""
     recorder = Recorder.of(jr700)
     return fly_sweeps(jr700, 5, 2, 2, recorder, None, lambda _: None)[0]
 
@@ -112,7 +111,6 @@ def test_a_vehicle_without_a_bench_and_flights_that_do_not_suffice(tmp_path):
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory):
-    """A run of three flights an axis."""
     folder = tmp_path_factory.mktemp("run") / "reproduction"
     reproduce(out=folder, flights=3, seed=1, jobs=2)
     return folder

@@ -115,7 +115,6 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(
 
 
 def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path, few_draws):
-    """Yaw alone: its modes, sweep, model, loop and gains are on the page, and rotor speed."""
     log = Flown().fly(12)
     log.define(15, "RPM", "Qf", "TimeUS,RPM", units="s-", multipliers="F-")
     log.write(15, log.us, 1700.0)
@@ -157,7 +156,6 @@ def stepped(tmp_path_factory):
 
 @pytest.mark.parametrize("gusts", [0.0, 0.003])
 def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts, stepped):
-    """The exact feed-forward and crossover lie within the intervals, half of one more in gusts."""
     found = tune_log(Flown().steps(gusts=gusts).save(tmp_path)) if gusts else stepped
     for one in found.axes:
         fed, exact_loop = one.today["flown_FF"], exact(LAW, one.axis)[0]
@@ -171,7 +169,6 @@ def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts, step
 
 
 def test_what_moves_too_little_is_told_with_what_to_fly(tmp_path, capsys):
-    """Of yaw nothing is known where its stick is at rest; without any step there is no answer."""
     still = Flown().steps(size=0.0).save(tmp_path)
     found = tune_log(still)
     assert "no target of attitude" in found.remarks[0]

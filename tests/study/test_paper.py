@@ -233,7 +233,6 @@ def make_results(*rows: ParameterRow, given=(), **more) -> Results:
 
 
 def everything() -> Results:
-    """Results with all that results can hold."""
     checked = make_verification(ident.structures.rollpitch)
     given = {"name": "k_I", "unit": "1/s", "value": 17.7, "standard_error": 0.0014}
     return make_results(
@@ -323,7 +322,6 @@ def test_what_is_no_result_is_refused(change, message):
 
 @tabled("kind", "changes", "message")
 def test_what_cant_be_judged_is_refused(kind, changes, message):
-    """NaN never passes a tolerance by comparing false."""
     given = {**TABLE, "parameters": ()} if kind is ComparisonTable else {}
     with pytest.raises(InputError, match=message):
         kind(**{**given, **changes})
@@ -381,7 +379,6 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def own(made, tmp_path, monkeypatch):
-    """A vehicle to be broken, in the present folder."""
     monkeypatch.chdir(tmp_path)
     return shutil.copytree(made, tmp_path / "own")
 

@@ -40,7 +40,6 @@ def results(folder):
 
 
 def rows(results):
-    """Rows by name; the base helicopter's, where the sticks' low-order equivalent has them too."""
     tables = [table for table in results.tables if table.name != "rollpitch_in2"]
     return {row.name: row for table in tables for row in table.parameters}
 
@@ -222,7 +221,6 @@ LONG_ENOUGH = 22.0
 
 
 def identified(records):
-    """Return the yaw base model of records, as the paper's experiment finds it."""
     with warnings.catch_warnings():
         for expected in (ident.RecordQualityWarning, ident.ClosedLoopWarning):
             warnings.simplefilter("ignore", expected)

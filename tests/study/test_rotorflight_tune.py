@@ -47,7 +47,6 @@ class Yaw:
 
 
 def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
-    """Return columns of a log: sticks in steps of yaw, gusts, the law's commands."""
     rng, law, count = np.random.default_rng(seed), LAW.linear(PERIOD), round(seconds / PERIOD)
     state, rate, grows = np.zeros(len(law.a)), 0.0, math.exp(N_R * PERIOD)
     waits, rows, asked, gust = [0.0] * LATE, [], 0.0, 0.0

@@ -26,7 +26,6 @@ def moving() -> Vehicle:
 
 
 def rotor_numbers(vehicle):
-    """Return rotor speed, tip speed, a sigma, and the hover's inflow ratio."""
     own = vehicle.parameters
     speed, radius = own["main_rotor.speed"], own["main_rotor.radius"]
     sigma = own["main_rotor.blades"] * own["main_rotor.chord"] / (np.pi * radius)
@@ -149,7 +148,6 @@ class Blades:
         return np.concatenate([rising, swing, growth])
 
     def fly(self, start, cyclic, times):
-        """Return the states at the times, (11, n_time)."""
         return solve_ivp(
             self.rates, times[[0, -1]], start, args=(cyclic,), t_eval=times, rtol=1e-7,
             max_step=2e-3,
@@ -222,7 +220,6 @@ def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
 
 
 def stepped(step, until=0.06):
-    """Step collective and cyclic by Euler, the body held; return tilt and inflow, and as sensed."""
     parameters = {"main_rotor.inflow": "pitt-peters"}
     vehicle = load("jr700", parameters=parameters, integrator="Euler", timestep=step)
     model, where = copy.copy(vehicle.model), addresses(vehicle.model)

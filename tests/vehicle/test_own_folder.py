@@ -28,7 +28,6 @@ from tabled import tabled
 
 @pytest.fixture(scope="module")
 def myheli(tmp_path_factory):
-    """A copy of the JR700's folder under another name; nothing in it is changed."""
     return copied(tmp_path_factory.mktemp("hangar") / "myheli")
 
 
@@ -175,7 +174,6 @@ def test_elements_know_where_they_stand_and_only_what_is_set_changes(path):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A vehicle of one's own, the Blade 360's copy."""
     return new_vehicle("own", like="blade360", to=tmp_path)
 
 

@@ -45,13 +45,11 @@ MOTOR = {"drive.governor": "motor"}
 
 @pytest.fixture(scope="module")
 def motor():
-    """The JR700 with its electric motor."""
     return load("jr700", parameters=MOTOR)
 
 
 @cache
 def linear_models(name):
-    """Return a vehicle's linear model with an ideal governor and with a motor."""
     return tuple(load(name, parameters=one).linearize() for one in ({}, MOTOR))
 
 
@@ -146,7 +144,6 @@ def test_stock_mujoco_starts_in_the_trim_or_from_rest(tmp_path):
 
 
 def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
-    """A step of collective in the hover: 2e-5 of the speed, the staggered step's second order."""
     histories = []
     for name in ("RK4", "Euler"):
         vehicle = load("jr700", parameters=MOTOR, integrator=name)
@@ -269,7 +266,6 @@ def test_a_load_that_cannot_hang_is_refused(loaded):
 
 
 def test_inertia_is_the_calibrated_about_the_centre_of_gravity(jr700):
-    """About the root body's frame, which the force laws act about, and without products."""
     wanted = [jr700.parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
     # MuJoCo keeps principal axes as a quaternion: rounding of 0.4 kg m^2
     assert total_inertia(jr700.model, "jr700") == pytest.approx(np.diag(wanted), abs=1e-12)
@@ -342,7 +338,6 @@ ASKEW = {
 
 @pytest.fixture(scope="module", params=["as shipped", "askew"])
 def pair(request):
-    """A vehicle and its mirror image, as shipped, and with mass and swashplate off the middle."""
     askew = request.param == "askew"
     own = load("jr700", parameters=ASKEW).parameters if askew else load("jr700").parameters
     models = assemble("jr700", own), assemble("jr700", mirrored(own))

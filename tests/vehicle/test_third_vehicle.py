@@ -27,7 +27,6 @@ from tabled import tabled
 
 
 def made(folder, **contents):
-    """Build a vehicle, calibrate and tune it by the commands, and return its folder."""
     heron.build(folder, **contents)
     assert main(["vehicle", "calibrate", str(folder), "--write", "--quiet"]) == 0
     assert main(["tune", "--vehicle", str(folder), "--write", "--quiet"]) == 0
@@ -62,7 +61,6 @@ def test_it_has_the_derivatives_that_it_was_calibrated_to_and_sticks_their_sense
 
 
 def within_bounds(results, share):
-    """Assert that all that was identified is its Cramér-Rao bound or nearer to what flew."""
     rows = [row for table in results.tables for row in table.parameters]
     assert {row.name for row in rows} >= set(heron.TARGETS)
     for row in rows:

@@ -52,7 +52,6 @@ class Ledger:
 
     @property
     def turned_over(self):
-        """What the air got in the whole flight, J."""
         return float(self.lost[-1])
 
     def __str__(self):

@@ -139,7 +139,6 @@ def _place(data: mujoco.MjData) -> tuple[float, float]:
 
 
 def _airspeed(data: mujoco.MjData) -> tuple[float, float, float]:
-    """Return the velocity north, east and up through air that turns with the earth, m/s."""
     up, east = _place(data)
     north, west, climb = data.qvel[:3].tolist()
     return north, _EASTWARDS - west - SPIN * up, climb + SPIN * east
@@ -161,7 +160,6 @@ def _add_loads(data: mujoco.MjData, body: Body) -> None:
 
 
 def _seen(data: mujoco.MjData) -> list[float]:
-    """Return COLUMNS now, as an observer on the turning earth has them."""
     up, east = _place(data)
     turned = math.atan2(east, up)  # of the local vertical since the start
     c, s = math.cos(turned), math.sin(turned)

@@ -29,7 +29,6 @@ a thousand and more."""
 
 @pytest.fixture(scope="module")
 def motor():
-    """The JR700 with its electric motor."""
     return hs.load("jr700", parameters={"drive.governor": "motor"})
 
 
@@ -116,7 +115,6 @@ ANGLES, RATES = slice(3, 6), slice(6, 9)
 
 @pytest.fixture(scope="module")
 def differences(jr700):
-    """Return, case by case, what was flown less what is printed."""
     found = {}
     for case in nesc.CASES:
         printed = nesc.digits(case)

@@ -29,14 +29,12 @@ def plan(text=PLAN):
 
 
 def here(work, tasks):
-    """An executor that does the work in this process, the last task first."""
     for task in reversed(tasks):
         yield work(task)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> Path:
-    """The dataset of an uninterrupted run."""
     return run_campaign(plan(), tmp_path_factory.mktemp("whole"), executor=here)
 
 

@@ -21,7 +21,6 @@ PLAN = {
 
 @pytest.fixture(scope="module")
 def by_weather():
-    """Rows of each replicate by turbulence and wind."""
     campaign = campaign_from(PLAN)
     return {
         (one.values["weather.turbulence"], one.values["weather.wind"]): {
@@ -73,14 +72,12 @@ def rows(campaign, folder, *columns):
 
 @pytest.fixture(scope="module")
 def light():
-    """One replicate of light turbulence, half the flights of the file."""
     campaign = read_campaign(CAMPAIGNS / "turbulence.toml")
     return replace(campaign, replicates=1, flights=10, identified_after=())
 
 
 @pytest.fixture(scope="module")
 def gusty(light, tmp_path_factory):
-    """Its rows."""
     return rows(light, tmp_path_factory.mktemp("gusty"), "method")
 
 
