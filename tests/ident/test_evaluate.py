@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import StateSpace, freqresp
 from test_structures import GOOD
 
 from helisim.base.errors import UnknownNameError
@@ -44,17 +43,6 @@ def test_equal_lags_are_their_transfer_function():
         np.testing.assert_allclose(found[0, 0], k / (t * s + 1) ** 2, rtol=1e-13)
         np.testing.assert_allclose(slope[0, 0, 0], -2 * k * s / (t * s + 1) ** 3, rtol=1e-13)
         np.testing.assert_allclose(slope[1, 0, 0], 1 / (t * s + 1) ** 2, rtol=1e-13)
-
-
-@pytest.mark.filterwarnings("ignore:Badly conditioned filter")  # of scipy's polynomials
-def test_a_state_space_of_scipy_has_the_same_response():
-    values = near_starts(structures.rollpitch)
-    numbers = structures.rollpitch.matrices(values)
-    a, b = (np.linalg.solve(numbers["M"], numbers[x]) for x in "FG")
-    found = response(structures.rollpitch, {**values, "tau_lat": 0.0, "tau_lon": 0.0}, GRID)
-    for o, i in np.ndindex(2, 2):
-        _, expected = freqresp(StateSpace(a, b[:, [i]], np.eye(4)[[o]], np.zeros((1, 1))), GRID)
-        np.testing.assert_allclose(found[o, i], expected, rtol=1e-9)
 
 
 def test_points_are_those_of_the_whole_response():

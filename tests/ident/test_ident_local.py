@@ -50,16 +50,6 @@ def worst(frf, expected):
 ASKED = {"inputs": "lat", "outputs": "p", "band": (0.5, 20.0)}
 
 
-def test_a_gain_comes_back_to_rounding():
-    """A response that is a polynomial of order 0, with a transient of none."""
-    lat = np.random.default_rng(0).standard_normal(2400)
-    frf = frequency_response(record(lat=lat, p=-3.0 * lat), estimator="local", **ASKED)
-    np.testing.assert_allclose(frf.response[0, 0], -3.0, rtol=1e-10)
-    assert frf.estimator == "local"
-    assert frf.windows == ()
-    assert np.all(frf.coherence > 0.999999)
-
-
 def test_a_lightly_damped_mode_is_not_smeared():
     """Half of its width is two lines; what is left is 0.1 % at most, where windows leave 30 %."""
     flights = [cut(k, [0.01], LIGHT) for k in range(2)]

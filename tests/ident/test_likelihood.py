@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
-from scipy.signal import StateSpace, lsim
 
 import script
 from helisim.base.errors import HelisimError
@@ -103,47 +101,6 @@ def test_short_manoeuvres_give_the_truth_within_the_stated_errors(case):
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.5
     assert fit.verdict.word == "sound"
     assert "by maximum likelihood on the records' Fourier transforms" in str(fit)
-
-
-def in_time(flights, structure, truth, sigma, fine=4):
-    """Return an output-error fit in the time domain, (n_free,), which shares nothing with helisim.
-
-    Initial states, and a constant and a slope of each output, are unknown in every record.
-    """
-    names = [one.name for one in structure.free]
-    n, n_out = len(structure.states), len(structure.outputs)
-
-    def residual(unknown):
-        values, rest = dict(zip(names, unknown)), unknown[len(names) :].reshape(len(flights), -1)
-        if structure is SHORT_PERIOD:
-            a = [[values["Z_w"], 50.0], [values["M_w"], values["M_q"]]]
-            b, tau = [[values["Z_de"]], [values["M_de"]]], 0.0
-        else:
-            a, b, tau = [[values["N_r"]]], [[values["N_ped"]]], values["tau_r_base"]
-        model = StateSpace(a, b, np.eye(n), np.zeros((n, 1)))
-        found = []
-        for flight, own in zip(flights, rest):
-            time = np.linspace(0.0, flight.duration, fine * (len(flight) - 1) + 1)
-            drive = np.interp(time - tau, flight.time, flight[structure.inputs[0]])
-            _, out, _ = lsim(model, drive, time, X0=own[:n])
-            slope = np.outer(flight.time, own[n + n_out :])
-            out = out.reshape(len(time), n)[::fine] + own[n : n + n_out] + slope
-            found.append((out - flight.select(structure.outputs)) / sigma)
-        return np.concatenate(found).ravel()
-
-    start = [truth[name] for name in names] + [0.0] * (len(flights) * (n + 2 * n_out))
-    return least_squares(residual, start, x_scale="jac").x[: len(names)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", ["short period", "yaw"])
-def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
-    (structure, truth), moves, (noise, step, _, _) = CASES[case]
-    flights = flown(structure, truth, moves, noise, 1, step)
-    fit = identify_records(flights, structure)
-    for one, value in zip(structure.free, in_time(flights, structure, truth, noise)):
-        # half a stated error: the two differ by the lines above the band alone
-        assert abs(fit[one.name].value - value) < 0.5 * fit[one.name].standard_error, one.name
 
 
 def test_a_state_that_moves_at_first_and_a_drift_take_nothing_from_the_parameters():

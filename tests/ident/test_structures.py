@@ -279,17 +279,6 @@ def test_a_larger_structure_is_the_smaller_one_without_what_it_adds(small, large
     np.testing.assert_allclose(whole[: len(expected)], expected, rtol=1e-6)
 
 
-def test_heave_with_inflow_is_slow_heave_and_fast_lift_deficiency():
-    """Far below 1 / tau_0 w/col is that of `heave`; far above a load is 1 / C times as large."""
-    slow = np.geomspace(1e-4, 1e-3, 10)
-    plain = {name: INFLOW[name] for name in structures.heave.names}
-    found = response(structures.heave_inflow, INFLOW, slow)[0]
-    # what the lag tau_0 leaves at 1e-3 rad/s: of the order of 1e-3 x 0.05
-    np.testing.assert_allclose(found, response(structures.heave, plain, slow)[0], rtol=1e-4)
-    fast = response(structures.heave_inflow, {**INFLOW, "tau_col": 0.0}, np.array([1e5]))
-    assert abs(fast[1, 0, 0]) == pytest.approx(25.0 / 0.6, rel=1e-6)
-
-
 def test_heave_is_chen_and_hindsons_without_coning():
     """NASA TM 88327, Table 1, rows of inflow and heave, blades that don't flap.
 

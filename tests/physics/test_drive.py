@@ -208,17 +208,6 @@ def test_a_rotor_without_load_runs_down_as_profile_drag_has_it(motor, name):
     assert history[-1] < 0.6
 
 
-def test_the_governor_leaves_no_droop(motor):
-    bench = Bench(motor)
-    place(bench.model, bench.data, motor.trim)
-    bench.data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
-    positions = [*motor.swashplate.mix(0.05, 0.0, 0.0), 0.0]
-    bench.ctrl[4:8] = positions
-    history = bench.run(20.0)
-    assert 1e-4 < np.abs(history - 1.0).max() < 0.05
-    assert history[-1] == pytest.approx(1.0, abs=1e-6)
-
-
 def test_turning_the_rotor_turns_the_body_back(motor):
     """Angular momentum about the mast is kept where the air takes none.
 

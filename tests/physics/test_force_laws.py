@@ -16,7 +16,7 @@ from helisim.physics import rotor as tail_rotor
 from helisim.physics.flow import Flow, wash
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import Velocities
-from helisim.vehicle.trim import Motion, motion_rates, write_motion
+from helisim.vehicle.trim import Motion, write_motion
 from plates import H3_120
 
 speed = st.floats(-4.0, 4.0)
@@ -249,35 +249,6 @@ def test_to_world_is_the_field_rotation(free, phi, theta, psi, u, v, w):
     ned = frames.flip(*frames.to_world(matrix, u, v, w))
     direct = Rotation.from_euler("ZYX", [psi, theta, phi]).apply([u, v, w])
     assert ned == pytest.approx(direct, abs=1e-12)
-
-
-@given(
-    phi=st.floats(-1.0, 1.0),
-    theta=st.floats(-1.0, 1.0),
-    psi=yaw,
-    rates=st.tuples(*[st.floats(-2.0, 2.0)] * 3),
-    velocity=st.tuples(*[st.floats(-5.0, 5.0)] * 3),
-)
-def test_motion_rates_are_mujocos_motion(free, phi, theta, psi, rates, velocity):
-    """What the field's kinematics predict is where MuJoCo's integration goes."""
-    model, data = free
-    p, q, r = rates
-    u, v, w = velocity
-    start = Motion(u=u, v=v, w=w, p=p, q=q, r=r, phi=phi, theta=theta, psi=psi)
-    write_motion(model, data, start)
-    mujoco.mj_forward(model, data)
-    predicted = motion_rates(data, start)[6:]
-    h = 1e-5
-    ends = []
-    for sign in (1.0, -1.0):
-        qpos = data.qpos.copy()
-        mujoco.mj_integratePos(model, qpos, data.qvel, sign * h)
-        matrix = np.zeros(9)
-        mujoco.mju_quat2Mat(matrix, qpos[3:7])
-        ends.append([*frames.euler_angles(matrix), *frames.flip(*qpos[:3])])
-    found = (np.array(ends[0]) - ends[1]) / (2.0 * h)
-    # truncation h^2 x third derivative (below 1e3), rounding 1e-15 / h
-    assert found == pytest.approx(predicted, abs=1e-6)
 
 
 def test_a_leaning_shaft_turns_velocities_and_forces(par):

@@ -198,15 +198,6 @@ def equivalent(shaft, hub, point, normal):
     return 0.5 / math.sqrt(along)
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.2, 0.5])
-def test_over_a_slope_the_image_is_across_it(level, slope):
-    """The plane's image source, by vectors, pushes as over level ground of another height."""
-    model = scene(fixed=[((0, 0, 0), turn([0, 1, 0], slope))])
-    normal = [math.sin(slope), 0.0, math.cos(slope)]
-    height = equivalent([0, 0, 1], [0, 0, 1.0], np.zeros(3), normal)
-    assert inflow(model, (0.0, 0.0, 1.0 - HUB[2])) == pytest.approx(level(height), rel=1e-12)
-
-
 def test_a_leaning_shaft_sees_less_of_level_ground(level):
     model = scene(fixed=[((0, 0, 0), (1, 0, 0, 0))])
     shaft = [0.0, math.sin(0.4), math.cos(0.4)]

@@ -49,14 +49,6 @@ def test_records_are_complete_and_come_one_by_one_whatever_jobs_and_count(jr700,
     assert record.sample_time == pytest.approx(0.01, rel=1e-9)
 
 
-@pytest.mark.parametrize("duration", [8.0, 30.0, pytest.param(90.0, marks=pytest.mark.slow)])
-def test_record_is_as_long_as_the_flight(jr700, duration):
-    excitation = Doublet(axis="ped", duration=duration)
-    record = fly(jr700, excitation, jobs=1)[0]
-    assert len(record) == round(duration * 100.0) + 1
-    assert record.duration == pytest.approx(duration, rel=1e-12)
-
-
 def test_provenance_repeats_the_flight(jr700, three):
     kept = three[2].provenance
     assert (kept["seed"], kept["flight"], kept["vehicle"]) == (7, 2, "jr700")

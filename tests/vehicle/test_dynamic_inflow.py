@@ -12,7 +12,7 @@ from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.addresses import addresses
-from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
+from helisim.vehicle.swashplate import flapping_from_blade
 from helisim.vehicle.trim import place
 
 SERVOS = ("front_position", "left_position", "right_position")
@@ -70,34 +70,6 @@ def test_hovers_inflow_row_is_chen_and_hindsons(moving):
         25.0 * np.pi * speed * tip * loading * 0.639 / 256.0,
     ]
     assert found == pytest.approx(printed, rel=5e-3)  # 0.639 has three digits; tilt of 3.8 deg
-
-
-def test_quasi_static_heave_is_printed_damping(moving):
-    """NASA TM 88327, eq. (7): Z_w = -rho a sigma (Omega R) / (8 m / (pi R^2) (1 + a s / 16 v))."""
-    _, tip, loading, mean = rotor_numbers(moving)
-    own, mass = moving.parameters, float(np.sum(moving.model.body_mass))
-    per_area = mass / (np.pi * own["main_rotor.radius"] ** 2)
-    damping = -own["air.density"] * loading * tip / 8.0 / per_area
-    damping /= 1.0 + loading / (16.0 * mean)
-    # the print has no stall, drag of the fuselage, tilt of the hovering disc
-    assert moving.derivatives["Z_w"] == pytest.approx(damping, rel=0.01)
-
-
-def test_hovers_lags_are_the_closed_forms(moving):
-    """Of the mean M / (4 v + as/4), of the slopes M / (v + as/16), the blades' feedback included.
-
-    What holds the slopes is less where the disc's own speed of tilting takes part of the load away:
-    as/16 over 1 + (gamma/16)^2, 4 % less here.
-    """
-    speed, _, loading, mean = rotor_numbers(moving)
-    linear = moving.linearize()
-    lags = [-1.0 / linear.derivative(name, name) for name in INFLOW]
-    own = moving.parameters
-    share = TipPathPlane.of(own).share * own["flapping.lock_reduction"]
-    whole = 8.0 / (3.0 * np.pi) / speed / (4.0 * mean + loading / 4.0)
-    slope = 16.0 / (45.0 * np.pi) / speed / (mean + loading / 16.0 / (1.0 + share**2))
-    # linear blades and no drag in the forms; differences of steps of 1e-5 in m/s
-    assert lags == pytest.approx([whole, slope, slope], rel=1e-3)
 
 
 class Blades:

@@ -16,8 +16,7 @@ import helisim as hs
 import script
 from command import fails
 from helisim.base.errors import HelisimError, InputError, ModelError, TrimError, UnknownNameError
-from helisim.physics import layout
-from helisim.physics.layout import ACTUATORS, PARAM, ROTOR, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.records.record import IN1, IN2, LOAD, POSITIONS, RATES, SERVOS
 from helisim.show.recording import write_recording
@@ -82,20 +81,6 @@ def test_the_hover_s_responses_are_those_of_the_ideal_governor(name, response, b
     assert largest_difference(name, response, *band) < most
 
 
-def test_the_motor_s_own_mode_is_that_of_its_data(motor):
-    """d(speed rate)/d(speed): back-EMF against resistance and inertia, and 2 Q / (I Omega) of air.
-
-    The closed form of a motor's data sheet; 2 %: the torque of the rotor doesn't go with the
-    square of its speed exactly, at a collective that is held.
-    """
-    own = motor.parameters
-    spin, inertia = own["main_rotor.speed"], own["drive.inertia"]
-    per_speed = (own["drive.gear"] / own["drive.speed_constant"]) ** 2 / own["drive.resistance"]
-    _, main, tail, _ = power_of(motor)
-    wanted = -(per_speed + 2.0 * (main + tail) / spin / spin) / inertia
-    assert motor.linearize().derivative("speed", "speed") == pytest.approx(wanted, rel=0.02)
-
-
 def power_of(vehicle):
     data = vehicle.hovering()
     with installed():
@@ -141,24 +126,6 @@ def test_stock_mujoco_starts_in_the_trim_or_from_rest(tmp_path):
             speeds.append(data.act[states][0])
     assert np.all(np.diff(speeds) >= 0.0)
     assert 0.1 < speeds[-1] < 0.4
-
-
-def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
-    histories = []
-    for name in ("RK4", "Euler"):
-        vehicle = load("jr700", parameters=MOTOR, integrator=name)
-        data = vehicle.hovering()
-        where = addresses(vehicle.model)
-        data.ctrl[where.control] += 0.05
-        speeds = []
-        with installed():
-            for _ in range(500):
-                mujoco.mj_step(vehicle.model, data)
-                speeds.append(data.act[where.state + STATE.speed])
-        histories.append(speeds)
-    one, other = map(np.array, histories)
-    assert np.abs(one - 1.0).max() > 5e-4
-    assert np.abs(one - other).max() < 2e-5
 
 
 def test_a_motor_needs_its_numbers_and_its_power(tmp_path, capsys):
@@ -283,25 +250,6 @@ def test_time_step_is_set():
         pedal = model.actuator("PED").id
         # one delay, one step of skew between stamp and sample, one sample for the slope
         assert model.actuator_history[pedal, 0] * timestep >= 0.022 + timestep
-
-
-def test_force_laws_carry_the_parameters_and_states(jr700):
-    """All nine actuators say whose they are; the laws' states are once more behind the layout's."""
-    where = addresses(jr700.model)
-    user = jr700.model.actuator_user[where.rotor - ROTOR : where.rotor + 1]
-    assert user[:, PARAM.magic].tolist() == [layout.MAGIC] * len(ACTUATORS)
-    assert user[:, PARAM.ordinal].tolist() == list(range(len(ACTUATORS)))
-    assert user[ROTOR, PARAM.air_density] == jr700.parameters["air.density"]
-    blades = jr700.parameters["main_rotor.blades"] * jr700.parameters["main_rotor.chord"]
-    solidity = blades / (np.pi * jr700.parameters["main_rotor.radius"])
-    assert user[ROTOR, PARAM.main_solidity] == solidity
-    assert user[ROTOR, PARAM.pilot_on] == 0.0
-    model = jr700.model
-    assert model.na == len(STATE) + layout.SWASH_STATES + layout.TAIL_STATES
-    servo = model.actuator("servo_front").id
-    assert addresses(model).state == model.actuator_actadr[servo] == STATE.front_position == 0
-    assert model.actuator_actadr[model.actuator("servo_tail").id] == STATE.tail_position
-    assert model.actuator_actadr[model.actuator("rotor").id] == STATE.flap_a
 
 
 def test_the_model_to_look_at_flies_the_same(jr700):

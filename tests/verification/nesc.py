@@ -89,11 +89,6 @@ def gravitation(up: float, east: float) -> tuple[float, float]:
     return pull * up, pull * east
 
 
-def start_gravity() -> float:
-    """Return gravitation less the earth's turn at the start, m/s^2: what a scale shows there."""
-    return -gravitation(EQUATOR + START, 0.0)[0] - SPIN**2 * (EQUATOR + START)
-
-
 def drop(
     vehicle: Vehicle, case: int, times: list[float], *, timestep: float | None = None
 ) -> NDArray[np.float64]:
