@@ -79,19 +79,6 @@ def test_pictures_show_the_helicopter_move():
 
 
 @pytest.mark.slow
-def test_stable_baselines_standard_call_trains():
-    """PPO on `make_vec_env`, whose pictures are never asked for; where that package is."""
-    common = pytest.importorskip("stable_baselines3.common.env_util")
-    from stable_baselines3 import PPO
-
-    envs = common.make_vec_env("helisim/Hover-v0", n_envs=4)
-    agent = PPO("MlpPolicy", envs, n_steps=64, batch_size=64)
-    agent.learn(512)
-    assert agent.num_timesteps == 512
-    envs.close()
-
-
-@pytest.mark.slow
 def test_a_learner_of_stable_baselines_sees_what_the_vector_environment_gives():
     """Episodes that end start anew in the same step, the last observation in the infos."""
     pytest.importorskip("stable_baselines3")
@@ -322,17 +309,6 @@ def test_actions_fly_what_controls_fly_in_mujoco(kind):
             mujoco.mj_step(model, data, 10)
     # the pilot who moves the sticks writes them a few roundings later than the caller does
     np.testing.assert_allclose(qpos_and_qvel(env), [*data.qpos, *data.qvel], atol=1e-12)
-
-
-def test_a_finer_time_step_flies_the_same():
-    finer = load("jr700", timestep=0.001, integrator="Euler")
-    coarse, fine = single(), single(vehicle=finer, frame_skip=20)
-    for env in (coarse, fine):
-        env.reset(seed=0, options=CALM)
-        for k in range(50):
-            env.step(np.array([0.05, 0.1, -0.1, 0.05]) * math.sin(0.2 * k))
-    # after a second of flight; the positions are kept half a step ahead: 0.5 ms times 0.2 m/s
-    np.testing.assert_allclose(qpos_and_qvel(coarse), qpos_and_qvel(fine), atol=2e-3)
 
 
 def test_motions_are_read_as_they_were_written(jr700):

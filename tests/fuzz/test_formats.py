@@ -79,6 +79,8 @@ READERS = {
     "sweeps": ("sweeps.bin", read_sweeps),
     "blackbox": ("log.bbl", partial(read_a_log, column="gyroADC[0]")),
     "ulog": ("log.ulg", partial(read_a_log, column="gyro.xyz")),
+    "look": ("other.csv", lambda path: str(hs.look(path))),
+    "look at ulog": ("log.ulg", lambda path: str(hs.look(path))),
 }
 
 

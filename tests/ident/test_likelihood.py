@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-import script
 from helisim.base.errors import HelisimError
 from helisim.ident import Structure, frequency_response, identify_records, structures
 from helisim.ident.evaluate import delayed, linear, simulate
 from ident_data import ROLLPITCH, YAW, record
 from tabled import tabled
-
-lost_samples = script.loaded("proof/lost_samples")
 
 SHORT_PERIOD = Structure.from_dict(
     {
@@ -145,21 +142,3 @@ def test_a_motion_that_no_record_can_show_is_refused():
         identify_records(flights, unstable)
     with pytest.raises(HelisimError, match="with identify_records"):
         frequency_response(flights, inputs="ped", outputs="r", band=(0.8, 20.0))
-
-
-@pytest.mark.slow
-def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
-    moves = [("ped", THREETWOONEONE, 0.4, 10.0, 0.1)] * 2
-    names = [one.name for one in structures.yaw_base.free]
-    errors, widths = [], []
-    for seed in range(3):
-        flights = flown(structures.yaw_base, YAW, moves, np.array([0.02]), seed, step=0.01)
-        fits = [identify_records(flights, structures.yaw_base)]
-        dice = np.random.default_rng(seed)
-        left = [lost_samples.without(one, "bursts", 0.16, dice) for one in flights]
-        fits.append(identify_records(left, structures.yaw_base))
-        off = [(fits[1][name].value - YAW[name]) / fits[1][name].standard_error for name in names]
-        errors.append(off)
-        widths.append([fits[1][n].standard_error / fits[0][n].standard_error for n in names])
-    assert np.max(np.abs(errors)) < 3.5  # of 9 chances
-    assert np.all(np.mean(widths, axis=0) > 1.0)

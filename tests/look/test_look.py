@@ -75,26 +75,6 @@ def ardupilot(path):
     return path
 
 
-def px4(path):
-    """Write a log with a gyro at 200 Hz, torques at 100, quaternions at 50, sticks at 20."""
-    _, lat, p, phi = rolled()
-    gyro, (own,) = sampled(200.0, 0.1, 5, p)
-    torque, (out,) = sampled(100.0, 0.2, 6, lat)
-    attitude, (angle,) = sampled(50.0, 0.1, 7, phi)
-    sticks, (stick,) = sampled(20.0, 0.2, 8, lat)
-    none = np.zeros_like(own)
-    rest = np.zeros_like(angle)
-    quaternion = np.column_stack([np.cos(angle / 2.0), np.sin(angle / 2.0), rest, rest])
-    topics = {
-        "vehicle_angular_velocity": (gyro, {"xyz": np.column_stack([own, none, none])}),
-        "vehicle_torque_setpoint": (torque, {"xyz": np.column_stack([out, 0.0 * out, 0.0 * out])}),
-        "vehicle_attitude": (attitude, {"q": quaternion}),
-        "manual_control_setpoint": (sticks, {"roll": stick, "pitch": 0.0 * stick}),
-    }
-    path.write_bytes(autopilot_logs.ulog(topics))
-    return path
-
-
 def anyones(path, *, gap=False):
     """Write a table of any logger: degrees nobody speaks of, a counter."""
     stamps, (own, out, angle) = sampled(50.0, 0.1, 9, *rolled()[2:0:-1], rolled()[3])
@@ -147,23 +127,6 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
     for frequency in (3.0, 10.0):  # within the fit's error, and 2 % of jitter's interpolation
         same_response(fit, frequency, tolerance=0.03)
     assert "resampled to 100 Hz" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_a_log_of_px4(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
-    found = look(px4(tmp_path / "a.ulg"))
-    (log,) = found.logs
-    columns = {one.name: one.column.column for one in log.channels if one.moves}
-    assert columns == {
-        "p": "vehicle_angular_velocity.xyz[0]",
-        "lat": "vehicle_torque_setpoint.xyz[0]",
-        "phi": "vehicle_attitude.roll",
-        "LAT": "manual_control_setpoint.roll",
-    }
-    assert [one.channel for one in log.excitations] == ["lat", "LAT"]
-    for frequency in (3.0, 10.0):
-        same_response(runs(found, tmp_path), frequency, tolerance=0.03)
 
 
 def test_a_table_of_anyone(tmp_path):
@@ -303,17 +266,6 @@ def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
         log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
         (lat,) = (one for one in log.channels if one.name == "lat")
         assert lat.moves
-
-
-@pytest.mark.slow
-def test_two_axes_of_a_table_are_a_helicopters_by_their_names(tmp_path):
-    t, own, p, _ = rolled()
-    rows = slice(0, None, 20)
-    table = np.column_stack([t, own, 0.0 * own, p, 0.1 * p])[rows]
-    one, two = tmp_path / "lat.csv", tmp_path / "lon.csv"
-    np.savetxt(one, table, delimiter=",", header="time,DLAT,DLON,p,q", comments="")
-    np.savetxt(two, table, delimiter=",", header="time,DLON,DLAT,q,p", comments="")
-    assert dict(look([one, two]).proposal.options)["structure"] == ("rollpitch_speeds",)
 
 
 def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):

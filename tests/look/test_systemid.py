@@ -1,17 +1,15 @@
 """What is inferred from logs of ArduPilot's mode SystemID."""
 
 import re
-from contextlib import suppress
 
 import numpy as np
 import pytest
 
 import helisim as hs
 import script
-from autopilot_logs import flipped
 from command import fails
 from flown_copter import LAW, Flown, Plant
-from helisim.base.errors import HelisimError, InputError, LogError
+from helisim.base.errors import InputError, LogError
 from helisim.cli import main
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins, rejection
@@ -498,32 +496,3 @@ def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):
 def test_what_cannot_be_measured_is_said_in_one_line(tmp_path, capsys, axis, words, without, said):
     path = SidLog(without=without).sweep(axis, length=12.0, low=1.0).save(tmp_path)
     assert said in fails(capsys, "margins", path, *words, "--quiet")
-
-
-@pytest.mark.slow
-def test_a_damaged_log_gives_the_same_within_its_errors_or_says_what_is_lost(tmp_path):
-    log = SidLog().sweep(12, noise=0.3, seed=1, **SHORT)
-    path, formats = log.save(tmp_path), 30 * 89
-    sound = identified(path)["yaw_alone"]
-    data, again = path.read_bytes(), SidLog().sweep(12, noise=0.3, seed=10, **SHORT).data
-    spoiled = [data[:formats] + flipped(data[formats:], share, 1) for share in (1e-2, 1e-4)]
-    for damaged in (*spoiled, data + data, data + again, data[:-20_000]):
-        path.write_bytes(damaged)
-        fit = identified(path)["yaw_alone"]
-        for name in ("N_r", "N_ped"):
-            assert abs(fit[name].value - sound[name].value) < 2.0 * fit[name].standard_error
-    lost = data.replace(b"SIDD", b"\0\0\0\0", 1)  # of the format, without which none is read
-    path.write_bytes(lost[:formats] + flipped(lost[formats:], 1e-2, 1))
-    with pytest.raises(
-        LogError, match=r"a\.bin: [\d.]+ % of the log .* is no whole message; .*dam"
-    ):
-        infer(path)
-
-
-def test_a_log_that_is_cut_anywhere_is_read_or_refused_in_words(tmp_path):
-    data = SidLog().sweep(12, **SHORT).data
-    for cut in np.random.default_rng(5).integers(1, len(data), 30).tolist():
-        path = tmp_path / "a.bin"
-        path.write_bytes(data[:cut])
-        with suppress(HelisimError):
-            assert infer(path).logs[0].sweeps

@@ -18,7 +18,9 @@ from helisim.handling.predicted import PredictedLoop
 from helisim.logs.blackbox import Blackbox
 from helisim.study import rotorflight_tune
 from helisim.study.rotorflight_tune import Feedback, law_of_log, tune_blackbox
-from rotorflight_flights import header
+from script import loaded
+
+header = loaded("proof/rotorflight_flights").header
 
 PERIOD, LATE = 0.004, 3  # s of a loop, and loops until a command acts
 N_R, N_PED = -2.0, 60.0  # 1/s, 1/s^2 by rad of blade pitch
