@@ -199,14 +199,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_law_of_the_current_folder_flies(folder):
-    assert main([*FLY, "--controller", "laws_of_the_folder:tail"]) == 0
-    record = hs.read_record(folder / "ped.parquet")
-    assert record.provenance["controller"]["tail"]["law"] == "laws_of_the_folder:yaw"
-    assert main(FLY) == 0
-    assert not np.array_equal(hs.read_record(folder / "ped.parquet").values, record.values)
-
-
 @pytest.mark.parametrize("word", ["laws/of_a_file.py:tail", "./laws/of_a_file:tail"])
 def test_a_law_of_a_file_flies(folder, monkeypatch, word):
     monkeypatch.delitem(sys.modules, "of_a_file", raising=False)

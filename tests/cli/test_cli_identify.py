@@ -1,6 +1,5 @@
 """The command line on logs: identify, verify, frf, structures, their options and advice."""
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -54,19 +53,6 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
     assert main(["verify", str(model), str(wrong)]) == 1
 
 
-def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
-    path, model = sweep_csv(name="sweep.csv"), tmp_path / "model.json"
-    part = ["--from", "3", "--to", "20"]
-    options = ["--structure", "heave", "--json", str(model)]
-    assert main(["identify", str(path), *options, *part]) == 0
-    assert "from 3 s to 20 s" in capsys.readouterr().out
-    (log,) = json.loads(model.read_text())["logs"]
-    assert log["parts"][0]["start_s"] == pytest.approx(3.0)
-    assert log["parts"][0]["duration_s"] == pytest.approx(17.0)
-    assert "was used in the fit" in fails(capsys, "verify", model, path, "--from=6", "--to=12")
-    assert main(["verify", str(model), str(path), "--from", "20.1"]) == 0
-
-
 OWN = Path(__file__).with_name("own_structure.toml").read_text(encoding="utf-8")
 CLIMB = {"Z_w": -0.8, "Z_col": -25.0, "lag": 0.12}
 
@@ -93,27 +79,6 @@ def test_a_new_structure_takes_one_file(tmp_path, capsys):
         assert abs(one.value - CLIMB[name]) < 4.0 * one.standard_error, name
         assert not one.poorly_identified, name
     assert main(["verify", str(model), logs[1]]) == 0
-
-
-def test_frequency_responses_are_written(tmp_path, sweep_csv, capsys):
-    out, data = tmp_path / "frf.csv", tmp_path / "frf.json"
-    arguments = ["--inputs", "col", "--outputs", "w", "--band", "1.5", "20"]
-    files = ["--csv", str(out), "--json", str(data)]
-    assert main(["frf", str(sweep_csv()), *arguments, *files]) == 0
-    assert "w/col" in capsys.readouterr().out
-    first, *lines = out.read_text().splitlines()
-    provenance = json.loads(first.removeprefix("# provenance: "))
-    assert provenance["band_rad_s"] == pytest.approx([1.5, 20.0])
-    assert provenance == json.loads(data.read_text())["provenance"]
-    rows = list(csv.DictReader(lines))
-    middle = rows[len(rows) // 2]
-    omega = float(middle["frequency [rad/s]"])
-    gain = 20.0 * np.log10(abs(HEAVE["Z_col"]) / np.hypot(omega, HEAVE["Z_w"]))
-    error = 4.0 * float(middle["w/col random error [1]"])
-    assert 0.0 < error < 0.2
-    measured = float(middle["w/col magnitude [dB]"])
-    assert measured == pytest.approx(gain, abs=20.0 * np.log10(1.0 + error))
-    assert len(json.loads(data.read_text())["response"]["frequency"]) == len(rows)
 
 
 @pytest.mark.slow

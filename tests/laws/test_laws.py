@@ -136,7 +136,7 @@ def test_a_law_of_ones_own_needs_its_methods_and_the_gyros_ticks(jr700):
         random_law(period=0.004).linear(0.002)
 
 
-ATTITUDE, NAN = HOLDS.to_dict(), np.full((5, 5), np.nan).tolist()
+NAN = np.full((5, 5), np.nan).tolist()
 
 
 @tabled("kind", "change", "message")

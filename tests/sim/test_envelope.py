@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from helisim.base.errors import DivergedError
 from helisim.cli import main
 from helisim.records.storage import read_record
-from helisim.sim import FlightEnvelope, FlightPlan, Sweep, fly, simulate
+from helisim.sim import FlightEnvelope, Sweep, fly, simulate
 from helisim.sim.ground import Ground, outline
 from helisim.sim.limits import Contact, hover_induced_velocity
 from helisim.vehicle import load
@@ -61,15 +61,6 @@ def changed(truth, row, **columns):
         new[name] = getattr(truth, name).copy()
         new[name][row:, column] += by
     return replace(truth, **new)
-
-
-def test_a_watched_flight_is_the_same_to_the_bit(jr700):
-    watched, unwatched = (
-        fly(jr700, FlightPlan(excitation=SHORT, envelope=watch), seed=3, jobs=1)[0]
-        for watch in (FlightEnvelope(), FlightEnvelope.off())
-    )
-    assert watched.values.tobytes() == unwatched.values.tobytes()
-    assert not watched.ended
 
 
 @tabled("columns", "says")

@@ -140,15 +140,6 @@ def test_take_off_hover_and_landing(jr700):
     assert -flight.positions[:, 2].min() == pytest.approx(2.08, abs=0.26)
 
 
-@pytest.mark.slow
-def test_another_vehicle_flies_them_too():
-    """Bounds: twice what is found, as above."""
-    reached, flight = flown(hs.load("blade360"), hs.missions.Forward(speed=6.0, cruise=1.0))
-    assert reached.finished
-    assert np.hypot(*flight.positions[-1, :2]) < 0.5
-    assert np.ptp(flight.positions[:, 2]) < 0.9
-
-
 def test_a_record_says_what_was_flown_and_reached(jr700):
     mission = Triangle(side=2.0)
     (record,) = hs.fly(jr700, hs.FlightPlan(mission=mission, pilot=CALM), seed=1)

@@ -9,11 +9,9 @@ import pytest
 from helisim import ident
 from helisim.cli import main
 from helisim.design.exact import air_met
-from helisim.ident import identify
 from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.sim import Recorder, Weather
 from helisim.sim.rigs import SWEPT, stick_sweep
-from helisim.study import models
 from helisim.study.experiment import servo_test
 from helisim.study.models import (
     HEAVE,
@@ -182,31 +180,6 @@ def test_a_model_is_given_only_what_was_found_before_it(model):
         assert model.structure.parameter(name).fixed
     for name in model.tolerances:
         model.structure.parameter(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "percent"),
-    # what is left: yaw's small couplings; speeds' smaller derivatives above 6 rad/s; the bank
-    # angle, which a response without the conditioning on it has: 0.9 % of Z_w (STUDY.md)
-    [(models.YAW_BASE_SERVO, 0.15), (models.ROLLPITCH_SERVO, 0.15), (models.HEAVE_SERVO, 0.9)],
-    ids=lambda one: getattr(one, "name", ""),
-)
-def test_the_structure_is_the_vehicle_s(jr700, model, percent):
-    """With the servos' true numbers, fitted to the linearised vehicle: every larger parameter."""
-    recorder = Recorder.of(jr700)
-    servos = {
-        f"{which}_{name}": jr700.parameters[f"servo.{which}_{long}"]
-        for which in ("swash", "tail")
-        for name, long in (("omega", "frequency"), ("zeta", "damping"))
-    }
-    given = {name: servos[source.name] for name, source in model.given.items()}
-    exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
-    found = identify(exact, model.structure.with_fixed(given))
-    true = true_values(jr700, model, recorder)
-    for name in ("N_r", "N_ped", "tau_f", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col"):
-        if name in found.values:
-            assert found.values[name] == pytest.approx(true[name], rel=0.01 * percent)
 
 
 @pytest.mark.slow

@@ -250,21 +250,3 @@ def test_the_command(folder, capsys):
     assert run() == (0, "Nothing to write: the MJCF says what the parameters give")
     with pytest.raises(UnknownNameError, match="jr700"):
         write_numbers("nowhere")
-
-
-@pytest.mark.slow
-def test_a_vehicle_from_three_numbers_flies_and_is_identified(tmp_path):
-    """At a tip speed of 125.7 m/s; yaw within three standard errors of N_r of two flights."""
-    airframe = hs.Airframe(mass=6.5, rotor=1.6, rpm=1500)
-    folder = hs.new_vehicle("threefold", like="jr700", airframe=airframe, to=tmp_path)
-    assert hs.check_vehicle(folder).problems == ()
-    assert (folder / "README.md").is_file()
-    own = hs.load(folder)
-    tip = own.parameters["main_rotor.speed"] * own.parameters["main_rotor.radius"]
-    assert tip == pytest.approx(0.8 * 1500 * np.pi / 30.0)
-    flights = hs.fly(own, hs.Sweep(axis="ped"), count=2, seed=1)
-    sides = {"inputs": ("ped",), "outputs": ("r",), "conditioning": ("v", "col")}
-    how = {"reference": ("PED", "LAT", "COL"), "band": (0.6, 25.0)}
-    fit = hs.identify(hs.frequency_response(flights, **sides, **how), hs.structures.yaw_base)
-    for name in ("N_r", "N_ped"):
-        assert fit[name].value == pytest.approx(own.derivatives[name], rel=0.052)  # 3 x 1.7 %
