@@ -118,7 +118,6 @@ def dataflash(messages):
 
 
 def table(path, *columns, header="t [s],p"):
-    """Write columns, (n_row,) each, as CSV, and return the path."""
     rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*columns)]
     path.write_text("\n".join([header, *rows]) + "\n")
     return path

@@ -27,7 +27,6 @@ def attitude(seen, state, settings):
 
 
 def attitude_from_trim(seen, state):
-    """Start with the pedal where the tail servo stands."""
     state[2] = seen.tail
 
 

@@ -136,7 +136,6 @@ class SidLog(Log):
 
     @property
     def us(self):
-        """Now, us."""
         return round(1e6 * self._now)
 
     def say(self, text):

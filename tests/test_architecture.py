@@ -87,7 +87,6 @@ def read(name):
 
 
 def test_the_version_is_one():
-    """`helisim.__version__` is where it stands; what can't read it from there repeats it."""
     own = helisim.__version__
     assert version("helisim") == own
     assert re.findall(r"^version: (\S+)$", read("CITATION.cff"), re.M) == [own]

@@ -52,7 +52,6 @@ def make_inferred():
 
 @pytest.fixture(scope="module")
 def values(jr700, tmp_path_factory):
-    """Return an instance of each public class, and of what public functions return."""
     item = make_model("rollpitch_in1", verified=True)
     results = write_run(tmp_path_factory.mktemp("run"))
     record, fit, roll = make_flight(seed=3), item.fit, hs.structures.rollpitch

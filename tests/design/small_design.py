@@ -60,7 +60,6 @@ class SmallPlant:
         return self.continuous.discretise(PERIOD)
 
     def draws(self, count: int, *, seed: int) -> "tuple[SmallPlant, ...]":
-        """Return plants whose numbers err by 3 %."""
         rng = np.random.default_rng(seed)
         off = 1.0 + 0.03 * rng.standard_normal((count, 5))
         return tuple(

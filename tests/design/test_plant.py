@@ -23,7 +23,6 @@ TRUE = {"N_r": -1.2, "N_ped": 40.0, "tau_r_base": 0.05}
 
 @pytest.fixture(scope="module")
 def yaw():
-    """A fit to an exact yaw response whose rate is recorded 40 ms late."""
     response = 40.0 / (1j * OMEGA + 1.2) * np.exp(-0.05j * OMEGA)
     exact = ident.FrequencyResponse.exact(
         OMEGA, response[None, None], inputs=["ped"], outputs=["r"]

@@ -83,7 +83,6 @@ def test_a_comparison_has_what_each_loop_says_and_why_one_says_nothing():
 
 
 def test_what_is_at_its_stops_is_told(jr700):
-    """A pedal that is kicked to its stop for a tenth of the flight; else nothing is."""
     kick = Pulse(axis="ped", amplitude=0.5, trim_time=0.3, width=0.2, duration=2.0)
     plan = FlightPlan(excitation=kick, pilot=Pilot(remnant=0.0))
     assert stops(hands_off(jr700), plan)["PED"] == pytest.approx(0.1, abs=0.005)
@@ -93,7 +92,6 @@ def test_what_is_at_its_stops_is_told(jr700):
 
 
 def test_the_usual_is_told_whether_asked_or_not():
-    """Margins, rejection and bandwidth of each axis; what is asked keeps its own numbers."""
     own = Spec(StabilityMargins(axis="lat", at="sensors"), "hard")
     found = with_usual((own, Damping()), ("lat", "ped"))
     assert found[0] is own
@@ -119,7 +117,6 @@ def short(jr700):
 
 
 def test_a_short_proof_has_the_exact_figures_of_what_it_swept(short):
-    """Within the bars, the gain margin aside, which an octave of the end of the band shows."""
     off = {
         name: abs(flown.value / row.exact.figures[name] - 1.0)
         for row in short.table

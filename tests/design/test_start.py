@@ -246,7 +246,6 @@ def rejection_by_control(law: SmallLaw, axis: str) -> float:
 
 
 def test_a_designed_law_has_the_margins_and_the_rejection_that_were_asked_for():
-    """By python-control's margins and its own interconnection, the design margin of 0.1 kept."""
     law = designed().law
     for axis, wanted in (("lat", 16.0), ("lon", 11.0)):
         gain, phase, *_ = control.stability_margins(cut_by_control(law, axis))
@@ -293,7 +292,6 @@ def test_what_cannot_be_met_together_is_named_in_one_line():
 
 
 def test_a_law_that_all_but_misses_is_named_with_its_figures():
-    """Where every rating is in Level 1 and humps of |S| alone are not, the nearest one is told."""
     problem = Problem(SmallLaw(), small_specs(), (PLANT,), FREE, PERIOD)
     said = str(infeasible(problem, problem.start))
     assert re.match(r"\w+ of \w+ can't be met with the others: the nearest that can is \w+ ", said)

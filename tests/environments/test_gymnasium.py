@@ -80,7 +80,6 @@ def test_pictures_show_the_helicopter_move():
 
 @pytest.mark.slow
 def test_a_learner_of_stable_baselines_sees_what_the_vector_environment_gives():
-    """Episodes that end start anew in the same step, the last observation in the infos."""
     pytest.importorskip("stable_baselines3")
     from helisim.gym.stable_baselines import Helicopters
 
@@ -227,7 +226,6 @@ def test_a_wrong_action_or_option_is_one_clear_line():
 
 @tabled("code", "printed")
 def test_an_import_registers_and_loads_nothing(code, printed):
-    """In a fresh process, behind gymnasium's; neither needs the other."""
     code = f"import sys, gymnasium\nbefore = set(sys.modules)\nimport helisim\n{code}"
     assert python(code) == printed
 
@@ -433,7 +431,6 @@ def test_parameters_are_spread_in_the_model_and_a_heavier_one_sinks(jr700):
 
 
 def test_weather_is_drawn_for_each_episode_and_steady_weather_trimmed_for():
-    """A headwind that never changes is part of the trim: the helicopter stays where it is."""
     env = single(weather=helisim.gym.WeatherRange(wind=6.0, turbulence=8.0, gust=4.0))
     winds = []
     for seed in range(20):

@@ -340,7 +340,6 @@ def test_names_of_channels_say_where_loops_are_cut():
 
 
 def test_a_signal_that_one_record_lacks_is_told():
-    """The sum was recorded in another flight alone, so the loop of this one isn't known."""
     record = flown(known_loop(), seed=3, noise=0.05)
     channels = tuple(one for one in record.channels if one.name != "lat_sum")
     values = record.select([one.name for one in channels])

@@ -144,7 +144,6 @@ NAMES = [f"{one.name} {k}" for k, one in enumerate(ALL)]
 
 
 def loops():
-    """Loops from far too slow to unstable: gains over five decades, and a delay."""
     for gain in np.geomspace(1e-3, 1e2, 16):
         yield AttitudeLoop(k=0.4 * gain, k_rate=0.12 * gain, delay=0.02)
     yield AttitudeLoop(k_rate=-0.05, delay=0.02)
@@ -161,7 +160,6 @@ def worst_level(rating):
 
 @pytest.mark.parametrize("criterion", ALL, ids=NAMES)
 def test_ratings_are_finite_and_agree_with_the_borders(criterion):
-    """Whatever the loop, the level is that of the borders, and that of the distance."""
     levels = set()
     for loop in loops():
         rating = replace(criterion, scale=10.7).rate(loop)
@@ -253,7 +251,6 @@ def test_what_cannot_be_asked_is_said(make, words):
 
 @pytest.mark.parametrize("criterion", ALL, ids=NAMES)
 def test_times_frequencies_and_sizes_are_above_0(criterion):
-    """But the lower end of a band of poles, which may be 0."""
     least = {"low": -1e-9} if criterion.name == "damping" else {}
     for name in (name for name, value in vars(criterion).items() if type(value) is float):
         with pytest.raises(InputError):

@@ -60,7 +60,6 @@ def simulated(values, added, step, hold=False):
 
 
 def test_simulating_the_file_as_ardupilot_does_gives_the_identified_motion(tmp_path):
-    """Doublets through the file's numbers, stepped as its source does, against the fits' own."""
     numbers, _ = numbers_of(BLADE, late={})
     ArduPilotModel({**numbers, **SETTINGS}).write(tmp_path / "blade.json")
     values = json.loads((tmp_path / "blade.json").read_text())

@@ -42,7 +42,6 @@ def order(zeros, poles):
 
 @tabled("plant", "noise", "fitted", "advised")
 def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised):
-    """A pole far away, on a zero, a coefficient not seen: the true order is advised."""
     fit = identify(measured(*plant, noise), order(*fitted))
     assert f"fit {advised} instead" in fit.degenerate[0]
     assert fit.degenerate[0] in str(fit)
@@ -53,14 +52,12 @@ def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, 
 
 @pytest.mark.parametrize(("plant", "fitted"), [(INTEGRATOR, (0, 1)), (MODE, (0, 2))])
 def test_the_right_order_and_too_low_a_one_are_not_degenerate(plant, fitted):
-    """An integrator's pole is not known to its own size, yet needed; so is all of too low one."""
     fit = identify(measured(*plant), order(*fitted))
     assert fit.degenerate == ()
     assert fit["tau"].support != "degenerate"
 
 
 def test_a_lag_beyond_the_band_is_degenerate_in_any_structure():
-    """T without any effect is named, and the delay that stands in for it is no longer good."""
     lagging = Structure(
         name="lagging",
         parameters=(
@@ -112,7 +109,6 @@ BAND = np.geomspace(1.0, 20.0, 60)
 
 
 def roll(gains=None):
-    """Return the structure of rate and angle over one control: the angle is the rate's integral."""
     return Structure(
         name="roll",
         meaning="roll rate and angle over lateral control",
@@ -157,7 +153,6 @@ UNIT, P, PHI = "unit", "channel p=COLUMN", "channel phi=COLUMN"
 
 @tabled("frf", "structure", "expected", "said")
 def test_what_is_wrong_with_data_is_told(frf, structure, expected, said):
-    """Either unit would make them fit, so both are told; a sign first, with the options' kind."""
     found, notes = causes(frf, structure)
     assert expected <= set(found)
     assert {kind for kind, *_ in found} == {kind for kind, *_ in expected}
@@ -301,7 +296,6 @@ def test_the_table_states_each_response_its_band_and_the_support(wobbly):
 
 
 def test_only_responses_that_cost_more_than_50_are_explained(fit):
-    """Of a fit that isn't acceptable; here by their coherence."""
     doubted = replace(fit.data, coherence=np.full_like(fit.data.coherence, 0.7))
     for high, told in (({"p/lat": 300.0, "q/lon": 50.0}, ["p/lat"]), ({"p/lat": 200.0}, [])):
         found = replace(fit, data=doubted, costs=dict.fromkeys(fit.costs, 10.0) | high)

@@ -54,7 +54,6 @@ def test_pure_gain_has_the_closed_form_accuracy():
 
 
 def test_printed_cost_is_the_average_and_accuracy_uses_the_sum():
-    """Two responses of the same gain halve the variance but leave the average cost alone."""
     two = gain(inputs=("lat", "lon"))
     frf = of_model(two, {"K": 2.0})
     assert identify(frf, two)["K"].insensitivity_percent == pytest.approx(
@@ -165,7 +164,6 @@ HOVER_SLOPES = {
     ids=lambda one: getattr(one, "name", ""),
 )
 def test_large_structures_come_back_from_their_own_responses(structure, values, band):
-    """From exact responses every parameter is found to 0.1 %, the inflow's lag too."""
     fit = fitted(structure, values, np.geomspace(*band, 160), frequencies_per_response=40)
     assert fit.values == pytest.approx(values, rel=1e-3)
 
@@ -368,7 +366,6 @@ def test_what_only_rounding_sees_has_no_bounds():
 
 
 def test_units_of_parameters_do_not_change_their_relative_accuracy():
-    """Eighteen decades between two of them: what a known delay's error makes of both stays."""
     other = replace(
         LAG,
         parameters=tuple(

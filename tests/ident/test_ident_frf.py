@@ -46,7 +46,6 @@ def truth(frequency):
 
 
 def test_roles_of_inputs_do_not_change_an_estimate():
-    """Wanted or conditioned out it is the same; and so with inputs as their own references."""
     flight = two_inputs(5, coupling=0.3)
     both, one = estimated(flight), estimated(flight, "lat", conditioning="lon")
     np.testing.assert_allclose(one.response[0, 0], both.response[0, 0], rtol=1e-9)
@@ -187,7 +186,6 @@ def test_the_direct_estimate_stands_beside_the_joint_one():
 @pytest.mark.parametrize(("gain", "disturbance"), [(0.0, 1.0), (1.0, 0.0)])
 @pytest.mark.parametrize("how", [{}, {"estimator": "windows"}], ids=str)
 def test_agreeing_estimates_raise_no_warning(gain, disturbance, how):
-    """Without feedback, or without a disturbance, both estimates are the same within errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert frequency_response(loop(0, gain, disturbance), **LOOP, **how).flags == ()

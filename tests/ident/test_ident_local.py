@@ -252,8 +252,6 @@ def task(made, active=()):
 
 
 def test_transients_are_estimated_where_they_are():
-    """Of seven times the disturbance below 1.2 rad/s, none above; and none in trimmed flights."""
-
     def early(flight, w):
         return np.where(w < 1.2, 2.0, 0.0) * np.array([[1.0], [-1.0j]]) * (1.0 + flight)
 
@@ -416,7 +414,6 @@ def test_the_random_error_is_the_published_formula():
 
 @pytest.fixture(scope="module")
 def frf():
-    """Three axes' worth of windowed noise, so that coherence and scatter are ordinary."""
     random = np.random.default_rng(3)
     records = []
     for _ in range(2):
@@ -460,7 +457,6 @@ def vector(names):
 
 
 def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
-    """Residuals of all three kinds, point by point, and what they become by small steps."""
     points = chosen(frf)
     cost = Cost(ROLLPITCH, points)
     names = [parameter.name for parameter in ROLLPITCH.free]

@@ -222,7 +222,6 @@ def lagging(inputs, outputs):
     ("inputs", "outputs"), [({"v": "early"}, {"z": "2*after"}), ({"u": "early", "v": "after"}, {})]
 )
 def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
-    """From exact data with delays of the grid nothing is left, whatever the gain begins at."""
     structure, frequency = lagging(inputs, outputs), np.geomspace(0.5, 20.0, 60)
     names = {one.name: one for one in structure.free}
     values = {"K": 5.0, "early": 0.1, "after": 0.225, "a": 2.0}  # steps of half a radian at 20
@@ -254,7 +253,6 @@ def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
 
 @pytest.mark.parametrize(("fixed", "count"), [(False, 7), (True, 3)])
 def test_starts_of_a_transfer_function_are_rational_fits_then_scattered(fixed, count):
-    """The first is the truth; the direct ones' delays are of the grid, the later within limits."""
     structure = transfer_function(zeros=0, poles=2, input="u", output="y")
     values = {"b0": 30.0, "a1": 3.0, "a0": 25.0, "tau": 0.05}
     frf = of_model(structure, values)
@@ -321,7 +319,6 @@ def test_windows_that_see_inputs_move_together_are_weighed_by_the_pseudo_inverse
 
 
 def test_stated_errors_are_the_scatter_of_many_disturbances():
-    """Of inputs of which one follows the other late, and of outputs that share a late gust."""
     random, draws, omega = np.random.default_rng(5), 200, np.array([2.0, 2.2, 5.0])
     lat, own, *gusts = random.standard_normal((2 + draws, 1200))
     lon = np.roll(lat, 6) + 0.5 * own
@@ -349,7 +346,6 @@ def test_stated_errors_are_the_scatter_of_many_disturbances():
 
 @tabled("ripple", "deviation", "used")
 def test_a_search_ends_where_noise_is_left_or_a_race_agrees(ripple, deviation, used):
-    """Residuals of a ripple, that no yaw model follows, over the points' deviation."""
     values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
     frf = of_model(structures.yaw_base, values)
     wave = 1.0 + ripple * np.cos(2.0 * np.pi * np.arange(frf.frequency.size) / 2.5)
@@ -365,7 +361,6 @@ def test_a_search_ends_where_noise_is_left_or_a_race_agrees(ripple, deviation, u
 
 
 def test_starts_agree_in_cost_from_delays_that_are_a_step_apart():
-    """A ten thousandth of the cost; without delays any two starts count."""
     structure = structures.yaw_base
     frf = of_model(structure, {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04})
     for one, expected in ((structure, 3), (structure.with_fixed({"tau_r_base": 0.0}), 5)):

@@ -17,7 +17,6 @@ def blas_threads():
 
 
 def flight(seed, n=12_000):
-    """Heave as a first-order response to noise: long enough that BLAS would share it out."""
     rng = np.random.default_rng(seed)
     col = np.convolve(rng.standard_normal(n), np.ones(5) / 5.0, "same")
     w = np.zeros(n)
@@ -38,7 +37,6 @@ def numbers():
 
 @pytest.mark.slow
 def test_the_number_of_blas_threads_does_not_matter():
-    """One thread or several, set by the environment before numpy loads, give the same bits."""
     code = "import test_ident_threads as t; print(t.numbers().hex())"
     printed, path = set(), os.pathsep.join(sys.path)
     for threads in ("1", "5"):

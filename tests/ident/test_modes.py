@@ -35,7 +35,6 @@ def nearest(found, expected):
 
 @pytest.mark.parametrize("name", list(structures.BUILT_IN))
 def test_poles_and_zeros_are_python_controls(name):
-    """Every pole; every zero that its poles do not cancel, and no other."""
     structure = structures.named(name)
     values = values_of(structure)
     found = modes(structure, values, structure.pairs)

@@ -53,7 +53,6 @@ terms = st.recursive(
 @settings(max_examples=60, deadline=None)
 @given(text=terms, at=st.tuples(*[st.floats(0.4, 2.5)] * 3))
 def test_expressions_are_pythons_and_their_derivatives_its_differences(text, at):
-    """Python's own arithmetic on the same text, and complex steps, which cancel nothing."""
     names = dict(zip("abc", at))
     value, gradient = evaluated(text, names)
     own = {name: getattr(np, name) for name in FUNCTIONS} | {"__builtins__": {}}
@@ -252,7 +251,6 @@ def test_transfer_functions_start_from_well_damped_poles_with_their_units(order)
 
 
 def test_transfer_functions_are_their_polynomials():
-    """A third-order one with as many zeros; first order has one pole, second order two."""
     structure = transfer_function(zeros=3, poles=3, input="ped", output="r")
     values = {"b3": 0.5, "b2": 1.0, "b1": -2.0, "b0": 4.0, "a2": 3.0, "a1": 7.0, "a0": 9.0}
     s = 1j * FREQUENCY
@@ -268,7 +266,6 @@ WIDE = np.geomspace(0.3, 60.0, 160)
 
 @tabled("small", "large", "values")
 def test_a_larger_structure_is_the_smaller_one_without_what_it_adds(small, large, values):
-    """Without speed derivatives, lag, turn or torque the rates are those of the smaller one."""
     values = values | {"tau_1": 1e-9, "turn": 0.0, "torque": 0.0}
     free, plain = structures.named(large), structures.named(small)
     if "tau_1" in free.names:

@@ -34,7 +34,6 @@ class Ticks:
         return COMPILED(STILL._replace(**seen), self.state, self.settings)
 
     def states(self, stick):
-        """Return the states of an axis, from its model's angle on."""
         return self.state[int(self.settings[STATES[stick]]) :]
 
 

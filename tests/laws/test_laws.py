@@ -19,7 +19,6 @@ MADE = {"by": "hand", "specifications": [{"axis": "lat", "least": 45.0}], "of": 
 
 
 def rotorflight(vehicle):
-    """All that the law can do, but for what is quadratic in the middle; see its `linear`."""
     law = hs.Rotorflight.of(vehicle)
     cyclic = {"b": 20.0, "d": 30.0, "o": 0.0, "error_decay_time": 0.0, "relax_level": 0.0}
     yaw = {"b": 10.0, "f": 20.0, "relax_level": 0.0, "cyclic_ff_gain": 0.0}
@@ -149,7 +148,6 @@ def test_what_is_no_law_says_what_is_wrong(kind, change, message, jr700):
 
 
 def test_compiled_matrices_act_within_limits_and_are_cut_off_beyond(jr700):
-    """At each tick the commands are C x + D seen about the trim, and the state follows."""
     vehicle = jr700
     law = random_law()
     controller = law.on(vehicle)

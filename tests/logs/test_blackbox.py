@@ -150,7 +150,6 @@ def test_of_several_logs_the_largest_is_read_and_another_can_be_chosen(tmp_path,
 
 
 def test_what_is_lost_is_counted_and_the_rest_is_right(tmp_path):
-    """Bytes cut out of the middle cost the frames up to the next whole one, and no others."""
     columns = {"time": TIME, **each("gyroADC", 3), **each("axisP", 3)}
     data = encode(columns)
     middle = data.index(b"I", len(data) // 2)
@@ -175,7 +174,6 @@ def test_a_pause_is_no_loss(tmp_path):
 
 
 def test_a_wild_stamp_costs_one_frame_and_a_jump_few(tmp_path):
-    """Of two whole frames in a row whose times agree the second is believed."""
     late = TIME + 60_000_000 * (np.arange(COUNT) >= 100)
     data = encode({"time": late, **each("gyroADC", 3)})
     log = Blackbox(saved(tmp_path, data))
@@ -238,7 +236,6 @@ def test_a_wrong_sign_would_be_found(tmp_path):
 
 
 def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
-    """The mixer's yaw is its throttle then, whose sense is that of the rotor."""
     columns = {**moving(), **each("axisP", 3), **each("axisF", 3)}
     count = columns["time"].size
     columns = {name: np.resize(one, count) for name, one in columns.items()}

@@ -108,7 +108,6 @@ def _values(letter, random):
 
 
 def rows_of(path):
-    """Return what pymavlink reads: type -> (columns, instance's column, rows)."""
     missing = "pymavlink isn't installed: pip install helisim[sitl]"
     module = pytest.importorskip("pymavlink.DFReader", reason=missing)
     reader = module.DFReader_binary(str(path))
@@ -161,7 +160,6 @@ def test_text_is_refused(tmp_path):
 
 
 def counting(count=200, **options):
-    """Return a log whose messages number themselves, in two types of different lengths."""
     log = Log(**options)
     log.define(1, "ONE", "QIf", "TimeUS,N,X", units="s-k", multipliers="F-0")
     log.define(2, "TWO", "QIffB", "TimeUS,N,X,Y,C", units="s-kk-", multipliers="F-00-")
@@ -222,7 +220,6 @@ def test_a_clock_that_goes_back(tmp_path):
 
 
 def test_marks_inside_of_messages(tmp_path):
-    """Numbers that look like the start of a message, or even like a whole FMT, are numbers."""
     log = Log()
     log.define(1, "ONE", "QIf", "TimeUS,N,X")
     log.define(3, "RAW", "QZZ", "TimeUS,A,B")

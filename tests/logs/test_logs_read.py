@@ -120,7 +120,6 @@ def test_repairs_do_what_they_say(tmp_path):
 
 
 def test_angles_are_made_continuous_and_resampling_is_filtered_and_even(tmp_path):
-    """The passband is kept, what is above is gone; at its own rate all is kept."""
     t = np.arange(50.0)
     heading = (10.0 * t + 180.0) % 360.0 - 180.0
     path = table(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")

@@ -143,7 +143,6 @@ def spiked():
 
 
 def test_what_was_injected_has_no_spikes():
-    """It is computed, not measured; a rate of the same shape has them."""
     names, peaks = ("p", "lat_disturbance", "lat_sum"), spiked()["p"]
     columns = np.column_stack([peaks] * len(names))
     record = FlightRecord(TIME, columns, tuple(channel(name) for name in names))

@@ -74,7 +74,6 @@ FORMATS = {
 
 @pytest.fixture(params=FORMATS)
 def log_of(request, tmp_path):
-    """Return a format's name, its log, the rate's column, another one, and how rows count."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     make, *rest = FORMATS[request.param]
     path = tmp_path / "a.log"

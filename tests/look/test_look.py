@@ -76,7 +76,6 @@ def ardupilot(path):
 
 
 def anyones(path, *, gap=False):
-    """Write a table of any logger: degrees nobody speaks of, a counter."""
     stamps, (own, out, angle) = sampled(50.0, 0.1, 9, *rolled()[2:0:-1], rolled()[3])
     rate, bank = own / RAD_PER_DEG, angle / RAD_PER_DEG
     time = np.round(stamps * 1e-3, 1)
@@ -96,7 +95,6 @@ def runs(found, folder):
 
 
 def same_response(fit, frequency, *, tolerance):
-    """Assert that a fit's p/lat is the flown one's at a frequency, rad/s."""
     true = GAIN * np.exp(-1j * frequency * DELAY) / (1j * frequency + DAMPING)
     found = complex(np.ravel(fit.response([frequency]).response)[0])
     assert abs(found / true - 1.0) < tolerance, (found, true)
@@ -148,7 +146,6 @@ def test_a_table_of_anyone(tmp_path):
 
 
 def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_path, capsys):
-    """A map's channel is no guess; a wrong one, or a wrong unit of time, has the option to try."""
     path = anyones(tmp_path / "a.csv")
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
     given = {one.name: one.why == "given" for one in found.logs[0].channels}
@@ -261,7 +258,6 @@ def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
 
 
 def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
-    """Whichever comes first, and whatever its name's rank."""
     for heading in ("time,aileron,gyro_x,x,lat", "time,lateral,p,x,aileron"):
         log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
         (lat,) = (one for one in log.channels if one.name == "lat")
@@ -279,7 +275,6 @@ def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):
 
 
 def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
-    """A single transient makes every two channels coherent in a window that holds it alone."""
     random, t = np.random.default_rng(3), np.arange(4000) / 50.0
     event = np.exp(-((t - 30.0) ** 2)) * np.sin(4.0 * t)
     noise = 1e-4 * random.standard_normal((2, t.size))

@@ -27,7 +27,6 @@ SHORT = {"length": 12.0, "low": 1.0}
 
 
 def identified(path, **options):
-    """Return the fits of a log by structure, but of transfer functions."""
     found = infer(path, **options)
     fits = [fit for fit in found.fits if fit.structure in hs.structures.BUILT_IN]
     records = [record for log in found.read() for record in log.records]
@@ -122,7 +121,6 @@ def test_what_a_fit_holds_besides_the_vehicle_is_said(tmp_path):
 
 
 def test_sweeps_that_end_at_once_or_move_positions_are_left_out_and_said(tmp_path):
-    """Three periods of its lowest frequency take longer, or it had no time to rise."""
     log = SidLog().sweep(12, stop=3.0, **SHORT).sweep(12, stop=8.0, length=60.0)
     log.sweep(12, **SHORT)
     found = infer(log.save(tmp_path))
@@ -148,7 +146,6 @@ def test_sweeps_that_end_at_once_or_move_positions_are_left_out_and_said(tmp_pat
     ],
 )
 def test_a_sweep_that_sank_is_left_out_and_named(tmp_path, told, said):
-    """After an event of landing it is on the ground until one of lifting off."""
     log = SidLog().sweep(10, lands=6.0, told=told, **SHORT)
     if isinstance(told, tuple):
         log.sweep(11, **SHORT).write(12, log.us - 1, 28)
@@ -347,7 +344,6 @@ def test_side_velocity_is_taken_out_of_yaw_or_the_error_says_so(tmp_path):
 
 
 def test_a_log_says_full_travel_and_the_hover_and_whence_its_rotor_speed(tmp_path):
-    """A governor's setpoint counts where it governs; a motor's speed is no rotor's."""
     governed, not_so = ({"H_RSC_MODE": mode, "H_RSC_GOV_RPM": 1500.0} for mode in (4.0, 2.0))
     found = infer(one_sweep(tmp_path, log=SidLog(parameters=governed))).logs[0].conditions
     assert found.rotor_speed == pytest.approx(50.0 * np.pi)

@@ -112,12 +112,10 @@ def test_hover_from_the_keyframe(name, file, integrator):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_the_numbers_are_what_the_parameters_give(name):
-    """`helisim vehicle build` would change nothing; after a change of parameters, run it."""
     assert [change.element.place for change in unwritten(name)] == []
 
 
 def attached(*vehicles):
-    """Return a world with vehicles side by side, 5 m apart, and data with all of them hovering."""
     world = mujoco.MjSpec()
     for k, name in enumerate(vehicles):
         child = mujoco.MjSpec.from_file(str(model_folder(name) / f"{name}.xml"))

@@ -25,7 +25,6 @@ STILL = Velocities(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def held_by(par, lock, frequency=1.0, direction=-1.0, speed=1.0) -> Disc:
-    """Return what holds the disc of a rotor of that Lock number and flap frequency."""
     found = flapping_from_blade(
         lock_number=lock,
         speed=SPEED,

@@ -209,7 +209,6 @@ def found(par, pitch, edgewise, side, down=0.0):
 @pytest.mark.parametrize("edgewise", [0.0, 5.0, 10.0, 20.0])
 @pytest.mark.parametrize("side", [0.0, 2.0])
 def test_thrust_is_the_strips(par, pitch, edgewise, side):
-    """From hover to mu = 0.17, straight and sideways."""
     thrust, _ = balanced(pitch, edgewise, side)
     # the closed form takes no notice of reversed flow, which has mu^3 of a share in the lift, and
     # momentum theory's mass flow is rounded off at slow speed
@@ -218,7 +217,6 @@ def test_thrust_is_the_strips(par, pitch, edgewise, side):
 
 @pytest.mark.parametrize("edgewise", [0.0, 10.0, 20.0])
 def test_torque_is_the_strips(par, edgewise):
-    """Induced and profile torque at the shaft."""
     _, torque = balanced(0.127, edgewise, 0.0)
     # at 20 m/s: reversed flow in thrust and inflow, 1.3 % each, radial flow along the blades, which
     # strips don't feel, 1 %; a disc without flapping has less drag of lift than one in equilibrium
@@ -316,7 +314,6 @@ def tail_wash(par, u, v, inflow):
 
 
 def test_the_tail_enters_the_wake_with_speed(par):
-    """Nothing in hover; from 5 m/s on it washes over the tail; sideways and back it stays away."""
     assert tail_wash(par, 0.0, 0.0, 0.031) == pytest.approx(0.0, abs=1e-12)
     place = np.array([par[PARAM.tail_x] - par[PARAM.hub_x], par[PARAM.tail_z] - par[PARAM.hub_z]])
     for speed, inflow in ((5.0, 0.022), (20.0, 0.013)):

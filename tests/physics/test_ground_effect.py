@@ -179,7 +179,6 @@ def inflow(model, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0), mov
 
 @pytest.fixture(scope="module")
 def level():
-    """Inflow over level ground, by the hub's height."""
     model = scene(fixed=[((0, 0, 0), (1, 0, 0, 0))])
     return lambda height: inflow(model, (0.0, 0.0, height - HUB[2]))
 

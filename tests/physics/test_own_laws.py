@@ -253,7 +253,6 @@ def history(model, steps=200):
 
 @pytest.mark.parametrize(("kind", "integrator"), [*product(OTHERS, ["RK4"]), ("plain", "Euler")])
 def test_other_models_are_left_alone(kind, integrator):
-    """A model that is not ours moves bit for bit as in stock MuJoCo, and nothing is said of it."""
     blank = {"size": "", "actuator": "", "sensor": ""}
     text = PENDULUM.format(integrator=integrator, **{**blank, **OTHERS[kind]})
     model = mujoco.MjModel.from_xml_string(text)
@@ -287,7 +286,6 @@ def test_the_timer_stands_still():
 
 
 def test_blocks_overlap_between_threads():
-    """The last of two threads to leave removes the callbacks, in whatever order they came."""
     inside, leave = threading.Event(), threading.Event()
 
     def hold():
@@ -388,8 +386,6 @@ def two_exchanged(spec):
 
 
 def without(kind, name):
-    """Return what takes an element out of a model, and the keyframe of all of them."""
-
     def damage(spec):
         spec.delete(getattr(spec, kind)(name))
         if kind == "actuator":
@@ -444,7 +440,6 @@ SENSORS = "lacks a helicopter's sensors.*imu_position, gyro_rate, stick"
 
 @tabled("damage", "said")
 def test_what_is_missing_is_named(spec, damage, said):
-    """By `check_model` at once, by `installed` when the block ends: the same sentence."""
     damage(spec)
     model = spec.compile()
     with pytest.raises(CallbackError, match=f"model 'jr700': .*{said}") as at_once:
@@ -490,7 +485,6 @@ def test_a_model_of_others_has_no_vehicle():
 
 
 def named(spec, name):
-    """Compile a model of that name, which has no numbers."""
     no_numbers(spec)
     spec.modelname = name
     return spec.compile()
@@ -531,7 +525,6 @@ def test_compiling_is_no_flight(spec, integrator):
 
 
 def test_rollout_in_threads_says_it_once(spec):
-    """The threads are MuJoCo's own; the block that called it raises."""
     no_numbers(spec, ["rotor"])
     models = [spec.compile() for _ in range(4)]
     data = [mujoco.MjData(models[0]) for _ in range(2)]

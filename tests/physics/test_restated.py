@@ -79,7 +79,6 @@ LAGS = {"filter": 0.004, "derivative_filter": 0.0065, "lead_filter": 0.003}
 
 
 def moment(altered, case, seed, *, integrator="RK4"):
-    """Return model and data at a random moment, and the same for the restated dynamics."""
     rng = np.random.default_rng(seed)
     model = altered(**ODD, **case)
     model.opt.wind[:] = rng.normal(size=3)
@@ -125,7 +124,6 @@ def moment(altered, case, seed, *, integrator="RK4"):
 
 
 def sample_filters(par):
-    """Write what the gyro's filters do in a period, which a case may have changed."""
     period, fast, slow = par[PARAM.gyro_period], LAGS["filter"], LAGS["derivative_filter"]
     par[PARAM.gyro_lead_share] = gyro.filter_share(LAGS["lead_filter"], period)
     par[PARAM.gyro_filter_share] = gyro.filter_share(fast, period)
@@ -161,7 +159,6 @@ def forward(model, data):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("case", CASES)
 def test_every_number_is_the_restated_one(altered, case, seed):
-    """Forces, controls, derivatives and reports of one evaluation, at a start of a step."""
     model, data, now = moment(altered, CASES[case], seed)
     where = addresses(model)
     forward(model, data)
@@ -306,7 +303,6 @@ def test_unsteady_sweep_differs_by_seed():
 
 
 def test_remnant_is_continuous_with_unit_variance():
-    """Linear between knots, and its variance over time is 1."""
     interval = 0.1
     knots = [remnant(k * interval, interval, 4.0, 1) for k in range(1, 6)]
     for k, value in enumerate(knots, start=1):

@@ -61,7 +61,6 @@ def test_a_burst_of_a_fast_sweep_is_expected_from_both_sides():
 
 
 def test_noise_is_no_part_of_what_is_expected():
-    """The answer to a known input comes back with its size, however large the noise on it is."""
     values, lost = sweep(), bursts(0.2, 2)
     noisy = values + np.random.default_rng(3).normal(0.0, [0.0, 0.3], values.shape)
     noisy[lost, 1] = 0.0

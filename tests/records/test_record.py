@@ -128,7 +128,6 @@ SIGNALS = {
 
 @pytest.mark.parametrize("signal", SIGNALS)
 def test_a_signal_is_no_spike(signal):
-    """Fast, coarse, held or stepped: what a sensor may see is left alone."""
     assert not spikes(SIGNALS[signal]).any()
 
 

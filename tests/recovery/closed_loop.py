@@ -193,14 +193,12 @@ class Aircraft:
         return bool(np.any(self.rig.gain))
 
     def fly(self, seed: int) -> list[FlightRecord]:
-        """Return the records of one replicate."""
         return [
             self.rig.fly(seed=100 * seed + number, **asdict(one))
             for number, one in enumerate(self.sweeps)
         ]
 
     def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the true response at frequencies in rad/s, (n_out, n_in, n_freq)."""
         return response(self.structure, self.truth, frequency)
 
 
@@ -212,7 +210,6 @@ def swept(
     duration: float,
     off_axis: float,
 ) -> Aircraft:
-    """Return an aircraft with two sweeps an axis."""
     common: dict[str, Any] = {"band": band, "duration": duration, "off_axis": off_axis}
     sweeps = [Sweep(axis=axis, amplitude=size, **common) for axis, size in amplitudes.items()]
     return Aircraft(name, rig, tuple(one for one in sweeps for _ in range(2)))

@@ -23,7 +23,6 @@ class Recovery:
 
     @property
     def inside(self) -> int:
-        """How many parameters are inside their bounds."""
         return sum(value <= 1.0 for value in self.excess.values())
 
     @property

@@ -28,7 +28,6 @@ def healthy(jr700):
 
 @pytest.fixture(scope="module")
 def wild(jr700):
-    """Half the stick on a lateral sweep, which turns the helicopter over."""
     with pytest.raises(DivergedError) as caught:
         fly(jr700, WILD, jobs=1)
     return caught.value
@@ -55,7 +54,6 @@ def test_a_landing_is_hard_by_the_last_step_before_it_touches(jr700, sinking, ha
 
 
 def changed(truth, row, **columns):
-    """Return the truth with what is given added to some columns from a row on."""
     new = {}
     for name, (column, by) in columns.items():
         new[name] = getattr(truth, name).copy()

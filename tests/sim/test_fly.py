@@ -110,7 +110,6 @@ AT = 2.0
 
 
 def hover(vehicle, *faults, pilot=NO_REMNANT, excitation=QUIET):
-    """Return the truth of a hover with faults, whatever becomes of it."""
     watched = {"faults": faults, "envelope": FlightEnvelope.off()}
     return next(
         simulate(vehicle, FlightPlan(excitation=excitation, pilot=pilot, **watched), jobs=1)
@@ -250,8 +249,6 @@ class Given(Excitation):
 
 @pytest.fixture
 def given(monkeypatch):
-    """Return a function that makes an excitation whose `sticks` is a function of time."""
-
     def make(what):
         monkeypatch.setattr(Given, "what", staticmethod(what))
         return Given()

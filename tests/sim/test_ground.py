@@ -31,7 +31,6 @@ def blade360():
 
 
 def standing(vehicle, ground, rotor=0.0):
-    """Return a model and data with the vehicle on its landing gear, its rotor at some speed."""
     model = vehicle.grounded_model(ground.put_into)
     data = mujoco.MjData(model)
     replace(ground, parked=True).begin(vehicle, model, data)
@@ -41,7 +40,6 @@ def standing(vehicle, ground, rotor=0.0):
 
 
 def grip(model):
-    """Let nothing slide."""
     model.geom_friction[:, 0] = 2.0
 
 
@@ -141,7 +139,6 @@ def flown(vehicle, plan):
 
 
 def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
-    """Return the plan of a stick that is held over from a second on."""
     step = hs.Step(axis=axis, amplitude=amplitude, trim_time=1.0, duration=duration)
     return hs.FlightPlan(
         excitation=step, pilot=QUIET, ground=ground, weather=hs.Weather(height=height)
@@ -149,7 +146,6 @@ def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
 
 
 def test_it_takes_off_by_itself_and_a_landing_is_no_end(jr700):
-    """Parked, the pilot that holds a height climbs there, and the ground lets go at once."""
     still, weather = replace(STILL, duration=10.0), hs.Weather(height=1.5)
     parked = {"pilot": QUIET, "ground": Ground(parked=True), "weather": weather}
     flight = flown(jr700, hs.FlightPlan(excitation=still, **parked))

@@ -28,7 +28,6 @@ OTHERS = [pytest.param(*one, marks=pytest.mark.slow) for one in ((0.001, "RK4"),
 @pytest.mark.parametrize(("axis", "moves"), [("lat", "pq"), ("lon", "qp"), ("ped", "r")])
 @pytest.mark.parametrize(("timestep", "integrator"), [(0.002, "RK4"), *OTHERS])
 def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrator):
-    """Driven by the recorded sticks, the exact linear model moves as the nonlinear flight does."""
     vehicle = load(timestep=timestep, integrator=integrator)
     excitation = Sweep(
         axis=axis, duration=30.0, amplitude=0.002, leakage=0.0, unsteadiness=0.0, trim_time=2.0
@@ -50,7 +49,6 @@ def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrato
 
 
 def final_state(timestep, *, pilot):
-    """Fly 0.6 s from a small disturbance; return every state, not the rates kept of them."""
     vehicle = load(timestep=timestep)
     model = copy.copy(vehicle.model)
     if pilot:

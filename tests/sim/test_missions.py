@@ -217,7 +217,6 @@ GEAR_STANDS = 2.0
 
 
 def autorotated(vehicle, **settings):
-    """Return what an autorotation reached, and its trajectory, with a human's remnant."""
     mission = hs.missions.Autorotation(**settings)
     (trajectory,) = simulate(vehicle, mission, seed=1, jobs=1)
     return Reached.of(vehicle, trajectory), trajectory

@@ -30,7 +30,6 @@ def shipped(seen, state, settings):
 
 @pytest.fixture(scope="module")
 def numbers(jr700):
-    """Settings of the shipped laws, and their state in the hover, (n_param,) and (8,)."""
     par = jr700.model.actuator_user[addresses(jr700.model).rotor].copy()
     first = STATE.gyro_q_filter
     return par, jr700.hovering().act[first : first + 8].copy()
@@ -279,7 +278,6 @@ def test_an_attitude_command_is_led_and_where_feedback_diverges_not_fed_back(jr7
 
 
 def test_a_law_that_diverges_keeps_the_files_gains_with_a_note(jr700):
-    """Its sticks stand off their middle too, where they hold the hover."""
     plate, trim = jr700.swashplate, jr700.trim
 
     def rates_up(seen):

@@ -203,7 +203,6 @@ def wave(width, seconds=10.0):
 
 
 def artificial(**changes):
-    """Return a made-up flight whose every signal is a known sine."""
     time = np.arange(5001) * STEP
     widths = dict.fromkeys(("sticks", "servo_commands", "servo_positions", "power"), 4)
     widths |= {"flapping": 2, "rotor": 5, "air": 6, "contact": 3, "rates": 3, "gyro_rates": 3}

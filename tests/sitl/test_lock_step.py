@@ -147,7 +147,6 @@ def test_an_autopilot_that_starts_anew_finds_the_helicopter_on_the_ground(monkey
 
 
 def test_a_late_frame_is_no_start_and_a_strangers_packet_no_end(monkeypatch):
-    """Whenever a lower count comes from the same port, only 0 begins anew."""
     monkeypatch.setattr(link_module, "_AT_ONCE", 0.05)
     with Served() as served:
         autopilot = served.autopilot()
@@ -220,7 +219,6 @@ SPOOLED = [*LOW[:7], 1700, *LOW[8:]]
 
 @pytest.fixture
 def falling():
-    """A JR700 in a vacuum, its rotor stopped."""
     aircraft = Aircraft("jr700")
     par = aircraft.model.actuator_user[addresses(aircraft.model).rotor]
     par[PARAM.air_density] = 1e-9

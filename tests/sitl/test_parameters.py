@@ -42,7 +42,6 @@ def test_its_file_is_read_again_and_moves_each_control_by_one_command(made, tmp_
 
 
 def test_the_hover_is_the_vehicle_s(made):
-    """Collective, lean and rotor speed of the file are those of its hover (calibrated.toml)."""
     own, values = hs.load("jr700"), made.values
     degrees = math.degrees(own.parameters["main_rotor.pitch_trim"])
     low, high = values["H_COL_ANG_MIN"], values["H_COL_ANG_MAX"]
@@ -199,7 +198,6 @@ def test_feed_forward_is_the_inverse_of_a_steady_rate():
 
 
 def test_what_gives_no_parameters_is_refused(tmp_path):
-    """No gain is right with a sign that is wrong; a number that is none; half of the cyclic."""
     with pytest.raises(InputError, match="yaw has no gains with margins of 8 dB"):
         tune(Gain(-50.0), np.eye(4))
     with pytest.raises(InputError, match="finite"):

@@ -344,7 +344,6 @@ def proof():
 
 @pytest.fixture(scope="module")
 def flown_jr700(proof):
-    """The vehicle as the autopilot moves it, and the law, by the shipped parameters."""
     parameters = parm_file(model_folder("jr700") / "jr700.parm")
     return proof.exact_plant(parameters, 0.5, 0.0025), ArduCopterLaw.of(parameters)
 

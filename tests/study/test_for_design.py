@@ -54,7 +54,6 @@ def shipped_law(vehicle, faster=1.0):
 
 @pytest.mark.study
 def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
-    """Within a bar; the structure without inflow misses phase margins by 9 degrees."""
     vehicle = load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
     records = fly_sweeps(vehicle, 4, 3, 2, Recorder.of(vehicle), None, lambda _: None)[0]
     plant = identify_for_design(records)

@@ -40,7 +40,6 @@ def tuned(logs, fewer_draws):
 
 @functools.cache
 def closed(law):
-    """Return the exact loop to half of its ticks."""
     return ClosedLoop(Plant(), law, np.geomspace(0.2, np.pi / law.period, 4000))
 
 
@@ -90,7 +89,6 @@ def test_new_gains_do_what_is_predicted_of_them(tuned):
 
 @pytest.fixture
 def few_draws(monkeypatch):
-    """Of tests that don't look at intervals."""
     monkeypatch.setattr(log_tune, "DRAWS", 20)
 
 

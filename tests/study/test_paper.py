@@ -124,7 +124,6 @@ def test_tables_are_addressed_by_name_and_errata_printed(capsys):
 
 
 def test_what_is_found_stands_beside_what_is_printed():
-    """The same model shows no difference; IN2 a tenth larger, its tied A_b not identified."""
     direct = overall_from_parts(BASE, GYRO)
     check = check_overall(BASE, GYRO, direct, band_rad_s=BAND)
     assert [one.difference_percent for one in check.coefficients] == [0.0] * 5
@@ -151,7 +150,6 @@ def test_what_is_found_stands_beside_what_is_printed():
 
 
 def computed() -> dict[tuple[str, str], str]:
-    """What errata say, worked out from the tables: by title and a part of its text."""
     first, second = values("rollpitch_in1"), values("rollpitch_in2")
     yaw, overall = values("yaw_gyro"), values("yaw_overall")
     a = values("airframe")

@@ -27,7 +27,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(folder):
-    """The one reproduction of the default tests, of fewer flights than usual."""
     return hs.reproduce(out=folder, flights=3, seed=1).results
 
 

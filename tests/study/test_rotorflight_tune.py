@@ -113,7 +113,6 @@ def test_the_law_is_the_header_s(log):
 
 
 def test_gains_change_the_law_as_they_do_its_own_file():
-    """Each alone and together: the law's linearisation with the gains in it, to rounding."""
     frequency = np.array([0.5, 5.0, 50.0])
     gains = {"yaw": {"p": 97.0, "i": 33.0, "d": 20.0}, "roll": {"i": 250.0}}
     changed = {axis: replace(getattr(LAW, axis), **some) for axis, some in gains.items()}
@@ -189,7 +188,6 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, monkeypa
 
 
 def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):
-    """Gains that both have must be the same ones."""
     path = saved(tmp_path, flown(2.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
     lines = path.read_bytes()
     for name in (b"rollBW", b"pitchBW", b"yawBW", b"yaw_stop_gain"):

@@ -41,7 +41,6 @@ LARGE = pytest.param(ROLLPITCH_IN1, marks=pytest.mark.slow, id="rollpitch_in1")
 
 @pytest.mark.parametrize("model", [YAW_BASE, LARGE, HEAVE], ids=lambda one: one.name)
 def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder, model):
-    """Of the exact response, known to a millionth, and no wider than what models are judged by."""
     exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
     n_out, n_in, n_freq = shape = exact.response.shape
     line = LineWeights(np.zeros(1, int), np.zeros(1, int), np.zeros((1, n_in, 1, 1), np.complex64))
@@ -65,7 +64,6 @@ def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder
 
 
 def fitted_gyro(vehicle, recorder, **given):
-    """The gyro's parameters from its exact response, and from true knowledge of the rest."""
     omega = np.geomspace(*YAW_GYRO.band, 100)
     exact = exact_response(vehicle, YAW_GYRO, recorder, omega)
     known = {

@@ -21,7 +21,6 @@ INFLOW = ("inflow_0", "inflow_s", "inflow_c")
 
 @pytest.fixture(scope="module")
 def moving() -> Vehicle:
-    """The calibrated vehicle, its inflow dynamic."""
     return load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
 
 
@@ -143,7 +142,6 @@ HALF = [pytest.param(*one, marks=pytest.mark.slow) for one in HALF]
     [(1.0, "a", 15.0), *HALF],
 )
 def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
-    """A step of cyclic: what the disc's first-order equations make of four blades in that air."""
     stock = load("jr700").parameters
     reduction, speed = stock["flapping.lock_reduction"], stock["main_rotor.speed"]
     lock, nu, step = 6.0, 1.03, 0.02

@@ -107,7 +107,6 @@ def test_a_campaign_takes_a_path_from_its_file(myheli, tmp_path):
 
 
 def test_a_folder_of_that_name_is_not_the_published_vehicle(tmp_path):
-    """Nothing is published of someone's folder, even if it is called jr700."""
     own = copied(tmp_path / "jr700")
     before = read_parameters(own / "calibrated.toml")
     text = calibrated_text(own)

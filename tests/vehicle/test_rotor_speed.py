@@ -156,7 +156,6 @@ loaded = pytest.fixture(lambda: hs.load(slung=RIGID), scope="module")
 
 
 def test_the_force_laws_know_the_vehicles_mass_alone(jr700):
-    """Numbers, loads and aerodynamic wrench of a motion are the bare vehicle's."""
     slung, laws, wrenches = hs.load(slung=RIGID.replace('mass="1.0"', 'mass="4.0"')), [], []
     assert dict(slung.parameters) == dict(jr700.parameters)
     np.testing.assert_array_equal(slung.model.actuator_user, jr700.model.actuator_user)
@@ -379,7 +378,6 @@ def test_a_malformed_file_is_refused(tmp_path, text, message):
 
 
 def test_a_parameter_is_defined_once_and_ones_own_section_is_left_alone(tmp_path):
-    """Whoever writes a controller may keep its numbers with the vehicle's."""
     text = DENSITY + "{ value = 1.2, unit = 'kg/m^3', source = 'x' }"
     for name in ("a.toml", "b.toml"):
         (tmp_path / name).write_text(text)
@@ -442,7 +440,6 @@ VALUES = st.one_of(
 @given(changes=st.dictionaries(st.sampled_from(NAMES), VALUES, min_size=1, max_size=3))
 @settings(max_examples=20)
 def test_any_override_loads_or_is_one_clear_error(changes):
-    """No other exception, no warning, no linearisation with NaN, and one line of text."""
     message = ""
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -27,13 +27,11 @@ H3_90 = {"front_angle": 180.0, "left_angle": 90.0, "right_angle": -90.0}
 
 
 def disc_of(flapping, speed, direction):
-    """Return the tip-path plane's equation of an eq. (8) at a rotor speed, rad/s."""
     turned = {"main_rotor.speed": speed, "main_rotor.direction": direction}
     return TipPathPlane.of(flapping.to_parameters() | turned)
 
 
 def plate(**changes):
-    """Return a swashplate that differs from the default, angles in degrees."""
     values = {
         f"swashplate.{name}": math.radians(value) if name.endswith("angle") else value
         for name, value in changes.items()
@@ -47,7 +45,6 @@ def plate(**changes):
 # left servo up, its pitch front up, both as here.
 @tabled("geometry", "left", "right", "elevator")
 def test_the_mixing_is_that_of_a_published_autopilot(geometry, left, right, elevator):
-    """The geometry that the documentation gives for each gives ArduPilot's factors."""
     found = np.array(plate(**geometry).mix(*np.eye(3)))  # servos by (col, lon, lat)
     roll_pitch_collective = [(*factors, 1.0) for factors in (elevator, left, right)]
     assert found[:, [2, 1, 0]] == pytest.approx(np.array(roll_pitch_collective), abs=1e-15)
@@ -110,7 +107,6 @@ def test_a_swashplate_that_is_none_is_refused(changes, message):
 
 
 def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
-    """Return the tilts at which eq. (8) rests."""
     asked = [
         found.a_lat * lat + found.a_lon * lon - found.tau_f * q,
         found.b_lat * lat + found.b_lon * lon - found.tau_f * p,

@@ -35,7 +35,6 @@ def made(folder, **contents):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The vehicle's folder, as its owner has it in the end."""
     return made(tmp_path_factory.mktemp("hangar") / "heron")
 
 
@@ -46,7 +45,6 @@ def vehicle(folder):
 
 @pytest.mark.slow
 def test_it_has_the_derivatives_that_it_was_calibrated_to_and_sticks_their_sense(vehicle):
-    """`ped` turns the nose right, `lat` rolls right, `lon` pitches up, whichever way it turns."""
     for name, value in heron.TARGETS.items():
         assert vehicle.derivatives[name] == pytest.approx(value, rel=1e-7), name  # the solver's
     trim = vehicle.trim
@@ -166,7 +164,6 @@ def test_both_that_contradict_are_one_line(jr700):
 
 
 def heavy_heron(folder, inertia=0.0115):
-    """Make a vehicle whose author gives the blades' inertia and no time constant."""
     there = heron.build(folder)
     file = there / "parameters.toml"
     text = re.sub(r"(?m)^tau_f = .*\n", "", file.read_text())

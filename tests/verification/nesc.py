@@ -112,7 +112,6 @@ def drop(
 
 
 def _replaced(vehicle: Vehicle, body: Body) -> mujoco.MjModel:
-    """Return the vehicle's model with another mass and inertia, its rotors and gyro at rest."""
     model = copy.copy(vehicle.model)
     falling = model.body(vehicle.name).id
     model.body_mass[falling] = body.mass

@@ -65,7 +65,6 @@ proof = script.loaded("proof/full_scale")
 
 @pytest.mark.slow
 def test_every_number_agrees_or_is_explained():
-    """Explanations are for the rest: most agree of themselves."""
     assert proof.unexplained() == []
     assert len(proof.rows(proof.PADFIELD)) + len(proof.rows(proof.THESIS)) == 379
     alike = [row for row in proof.rows(proof.PADFIELD).values() if row.close]

@@ -14,7 +14,6 @@ from quasi_steady import drag_torque
 
 
 def loads(vehicle, motion):
-    """Return main rotor thrust (N) and torque (N m) that the vehicle's own sensors report."""
     data = vehicle.hovering()
     write_motion(vehicle.model, data, motion)
     with installed():

@@ -145,7 +145,6 @@ def made(count, *, std, bias=0.0, stated=None, noise=1.0, seed=0):
 
 
 def test_honest_errors_are_found_honest():
-    """Normal errors of the stated size: 95 % coverage, no bias, relative to the truth's size."""
     (one,) = summarise(pa.Table.from_pylist(made(4000, std=0.1)))
     assert one.covered == pytest.approx(0.95, abs=4 * (0.95 * 0.05 / 4000) ** 0.5)
     assert one.covered_by_cr == pytest.approx(0.9973, abs=0.004)  # three standard deviations
@@ -157,7 +156,6 @@ def test_honest_errors_are_found_honest():
 
 
 def test_bias_and_overconfidence_show():
-    """A bias has its sign, towards larger size or not; half the true error covers less."""
     (one,) = summarise(pa.Table.from_pylist(made(4000, std=0.1, bias=-0.2, stated=0.05)))
     # the truth is -2: an error of -0.2 makes it larger, but the error is signed as the value
     assert one.bias == pytest.approx(-0.1, abs=4 * 0.05 / 4000**0.5)

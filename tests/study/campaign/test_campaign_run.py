@@ -147,8 +147,6 @@ leakage = 1.0
 
 
 def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch):
-    """Other versions change the last bits."""
-
     def elsewhere(work, tasks):
         other = {**versions(), "numpy": "1.0"}
         monkeypatch.setattr("helisim.study.replicates.versions", lambda: other)

@@ -64,7 +64,6 @@ MAIN = ("N_r", "N_ped", "L_b", "M_a", "Z_w", "Z_col")
 
 
 def rows(campaign, folder, *columns):
-    """Run a campaign; return its rows by the values of these columns and the parameter's name."""
     table, _ = read_dataset(run_campaign(campaign, folder))
     assert pc.all(pc.is_null(table["failure"])).as_py()
     return {tuple(row[name] for name in (*columns, "parameter")): row for row in table.to_pylist()}
