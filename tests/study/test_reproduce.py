@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -13,6 +14,7 @@ from helisim.sim import Recorder, Sweep
 from helisim.study import experiment
 from helisim.study.experiment import fly_sweeps
 from helisim.study.results import Exclusion, as_json
+from helisim.vehicle import load
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
@@ -25,9 +27,16 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("runs") / "a run, übung"
 
 
+def short(**asked):
+    """Return a reproduction of few flights, with one evaluation of the laws a step, not four."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(experiment, "load", partial(load, integrator="Euler"))
+        return hs.reproduce(flights=3, seed=1, **asked).results
+
+
 @pytest.fixture(scope="module")
 def results(folder):
-    return hs.reproduce(out=folder, flights=3, seed=1).results
+    return short(out=folder)
 
 
 def rows(results):
@@ -81,7 +90,7 @@ def test_another_truth_is_followed():
 
 @pytest.mark.study
 def test_halving_the_time_step_changes_little(results):
-    finer = hs.reproduce(flights=3, seed=1, timestep=0.001).results
+    finer = short(timestep=0.001)
     before, after = rows(results), rows(finer)
     limits = {**dict.fromkeys(TIGHT, TIGHT_PERCENT), **dict.fromkeys(LOOSE, LOOSE_PERCENT)}
     for name, limit in limits.items():
@@ -142,7 +151,7 @@ def test_the_records_alone_give_the_same_model(results, folder):
 
 @pytest.mark.study
 def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
-    hs.reproduce(out=tmp_path, flights=3, seed=1, jobs=1)
+    short(out=tmp_path, jobs=1)
     before, again = (
         {path.relative_to(run): path.read_bytes() for path in run.rglob("*") if path.is_file()}
         for run in (folder, tmp_path)
