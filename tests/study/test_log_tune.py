@@ -18,19 +18,13 @@ from helisim.sitl.gains import STANDARD, holds
 from helisim.study import log_tune
 from helisim.study.log_tune import ATTITUDE_DRB, tune_log
 
+pytestmark = pytest.mark.usefixtures("fewer_draws")
+
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     return [Flown().fly(axis).save(folder, f"{axis}.bin") for axis in (10, 11, 12)]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def fewer_draws():
-    """Half as many: ends of an interval of 95 % are then the third of 100."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(log_tune, "DRAWS", 100)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -85,11 +79,6 @@ def test_new_gains_do_what_is_predicted_of_them(tuned):
             for law in (LAW, new)
         )
         assert was > 1.25 * now, one.axis
-
-
-@pytest.fixture
-def few_draws(monkeypatch):
-    monkeypatch.setattr(log_tune, "DRAWS", 20)
 
 
 def test_the_command_line_tells_today_and_then_and_writes_the_gains(
