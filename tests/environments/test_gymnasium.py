@@ -9,20 +9,19 @@ import mujoco
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from scipy.spatial.transform import Rotation
 
 import helisim.gym
 from command import python
 from helisim.base.errors import DisplayError, InputError, UnknownNameError
-from helisim.gym.task import BOUND, Motions
-from helisim.physics.layout import CONTROL, PARAM, STATE
+from helisim.gym.task import BOUND
+from helisim.physics.layout import CONTROL, PARAM
 from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.controller import set_controller
-from helisim.vehicle.trim import Motion, place, write_motion
+from helisim.vehicle.trim import place
 from off_screen import draws
 from tabled import tabled
 
@@ -32,22 +31,6 @@ ROUGH = {"spread": helisim.gym.USUAL, "weather": WINDY}
 
 def vector(task="Hover", count=5, mode="vector_entry_point", **settings):
     return gymnasium.make_vec(f"helisim/{task}-v0", count, vectorization_mode=mode, **settings)
-
-
-def same(left, right):
-    for one, other in zip(left[:-1], right[:-1]):
-        assert one.dtype == other.dtype
-        assert np.array_equal(one, other)
-    same_infos(left[-1], right[-1])
-
-
-def same_infos(left, right):
-    assert left.keys() == right.keys()
-    for name, value in left.items():
-        if isinstance(value, dict):
-            same_infos(value, right[name])
-        else:
-            assert np.array_equal(value, right[name]), name
 
 
 DRAWN = """
@@ -119,26 +102,6 @@ def test_no_graphics_before_the_first_picture(monkeypatch):
     env.close()
     with pytest.raises(InputError, match="no render_mode was given"):
         helisim.gym.HelicopterEnv().render()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("task", "settings"),
-    [("Track", {}), ("Hover", {"action": "servos", **ROUGH})],
-    ids=["track", "rough"],
-)
-def test_one_of_many_is_the_one_alone(task, settings):
-    modes = ("vector_entry_point", "sync")
-    many, alone = (vector(task, 3, mode, **settings) for mode in modes)
-    same(many.reset(seed=3), alone.reset(seed=3))
-    random, ended, late = np.random.default_rng(0), 0, 0
-    for _ in range(530):
-        actions = random.normal(0.0, 0.3, (3, 4)).astype(np.float32)
-        answer = many.step(actions)
-        same(answer, alone.step(actions))
-        ended, late = ended + answer[2].sum(), late + answer[3].sum()
-    assert ended > 0
-    assert late > 0 or task == "Hover"
 
 
 def flown(**settings):
@@ -309,37 +272,18 @@ def test_actions_fly_what_controls_fly_in_mujoco(kind):
     np.testing.assert_allclose(qpos_and_qvel(env), [*data.qpos, *data.qvel], atol=1e-12)
 
 
-def test_motions_are_read_as_they_were_written(jr700):
-    random = np.random.default_rng(2)
-    limits = [3.0] * 6 + [3.1, 1.5, 3.1] + [50.0] * 3
-    motions = [Motion(*(random.uniform(-1, 1, 12) * limits).tolist()) for _ in range(20)]
-    data, states = mujoco.MjData(jr700.model), []
-    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    for motion in motions:
-        write_motion(jr700.model, data, motion)
-        states.append(np.empty(mujoco.mj_stateSize(jr700.model, full)))
-        mujoco.mj_getState(jr700.model, data, states[-1], full)
-    velocity = 1 + jr700.model.nq
-    flapping = velocity + jr700.model.nv + addresses(jr700.model).state + STATE.flap_a
-    found = Motions.read(np.array(states), velocity, flapping)
-    expected = np.array([list(vars(motion).values()) for motion in motions]).T
-    for k, name in enumerate(("body_velocity", "rates", "attitude", "position")):
-        np.testing.assert_allclose(getattr(found, name), expected[3 * k : 3 * k + 3], atol=1e-12)
-    turns = Rotation.from_euler("ZYX", expected[8:5:-1].T)
-    np.testing.assert_allclose(found.velocity.T, turns.apply(expected[0:3].T), atol=1e-12)
-
-
 def test_a_hover_is_seen_as_its_table_says():
     """Each number times its scale is in its unit: north of the place is behind, heading west."""
     env = single()
-    start = {"north": 3.0, "psi": math.pi / 2, "u": 0.5, "p": 0.2, "down": -1.0}
+    moves = {"u": 0.5, "v": -0.2, "w": 0.1, "p": 0.2, "q": -0.1, "r": 0.3}
+    start = {"north": 3.0, "psi": math.pi / 2, "down": -1.0, "phi": 0.1, "theta": -0.2, **moves}
     seen, _ = env.reset(seed=0, options={"motion": start})
     values = {one.name: one.scale * value for one, value in zip(env.observations, seen)}
-    trim = env._flights.vehicle.trim
     # heading east, 3 m north of the place: it is to the right
-    expected = {"ahead": 0.0, "right": 3.0, "below": 1.0, "u": 0.5, "v": 0.0, "w": 0.0}
+    expected = {"ahead": 0.0, "right": 3.0, "below": 1.0, **moves}
+    trim = env._flights.vehicle.trim  # which angles are added to
+    expected |= {"phi": trim.phi + 0.1, "theta": trim.theta - 0.2}
     expected |= {"heading_error_sine": -1.0, "heading_error_cosine": 0.0}
-    expected |= {"phi": trim.phi, "theta": trim.theta, "p": 0.2, "q": 0.0, "r": 0.0}
     expected |= {f"action_{k}": 0.0 for k in range(4)}
     assert values == pytest.approx(expected, abs=1e-6)  # of single precision
 

@@ -260,15 +260,6 @@ def test_keys_fly_and_record(fly, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_second_of_the_clock_is_a_second_of_flight(fly, flight, jr700):
-    fly([tap(0.5, "p"), tap(1.5, "p")], seconds=2.0)
-    assert flight.time == pytest.approx(1.0, abs=0.1)
-    alone = HandFlight(jr700)
-    alone.fly(flight.time)
-    np.testing.assert_array_equal(alone.data.qpos, flight.data.qpos)
-
-
-@pytest.mark.slow
 def test_every_recording_has_a_file(fly, tmp_path):
     fly([tap(0.1, "r"), tap(0.4, "r"), tap(0.6, "r")], closes=1.0)
     seat, _ = fly([tap(0.1, "r"), tap(1.0, "backspace")], seconds=1.2)

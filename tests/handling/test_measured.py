@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
-from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError
 from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.interval import figures_of, interval
 from helisim.handling.measured.margins import (
@@ -350,33 +350,10 @@ def test_a_signal_that_one_record_lacks_is_told():
     assert "lat_sum was not recorded, or rested, while lat_disturbance was moved" in found.remarks
 
 
-def test_what_cannot_be_is_said(measured):
-    record = flown(known_loop(), seed=3, noise=0.05)
-    with pytest.raises(InputError, match="what follows 'a' is not said"):
-        hs.Cut("lat", "actuators", "a")
-    with pytest.raises(UnknownNameError, match="available: actuators, sensors"):
-        hs.Cut("lat", "wings", "a", "b")
-    with pytest.raises(UnknownNameError, match="place of a cut 'wings'"):
-        hs.margins(record, at="wings")
-    with pytest.raises(UnknownNameError, match="'foo'"):
-        hs.margins(record, cuts=hs.Cut("lat", "actuators", "foo", "lat_sum"))
-    with pytest.raises(UnknownNameError, match=r"'rol'; .*did you mean roll"):
-        hs.margins(record, axes="rol")
-    still = FlightRecord(record.time, 0.0 * record.values, record.channels, {})
-    with pytest.raises(IdentificationError, match="nothing was injected"):
-        hs.margins(still)
-    for wrong, words in (
-        (
-            {"late": {"lat": np.inf}},
-            r"late\.lat must be a finite number above -10 and below 10 s, got inf",
-        ),
-        ({"late": {"lat": -10.0}}, "below 10 s, got -10"),
-        ({"draws": 1}, "draws must be an integer 2 or more and at most 20000, got 1"),
-        ({"draws": 20_001}, "got 20001"),
-    ):
-        with pytest.raises(InputError, match=words):
-            hs.margins(record, **wrong)
-    with pytest.raises(InputError, match="no records were given"):
-        hs.margins([])
-    with pytest.raises(UnknownNameError, match="DRB lon sensors"):
-        measured.figure("DRB", "lon", "sensors")
+RECORD = flown(known_loop(), seed=3, noise=0.05)
+
+
+@tabled("ask", "error", "words")
+def test_what_cannot_be_is_said(measured, ask, error, words):
+    with pytest.raises(error, match=words):
+        ask(measured)

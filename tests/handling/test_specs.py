@@ -207,16 +207,7 @@ def test_distances_change_little_where_the_loop_does(criterion):
     assert min(found.max(), 4.0 * finer.max()) < 0.5, gains[steepest]
 
 
-@pytest.mark.parametrize(
-    ("criterion", "words"),
-    [
-        (criteria.StabilityMargins(axis="lat"), "crossover is extended"),
-        (criteria.Crossover(axis="lat", frequency=Limit(6.0, 3.0)), "extended"),
-        (criteria.DisturbanceRejection(axis="lat"), "DRB is extended"),
-        (criteria.AttitudeBandwidth(axis="lat"), "what is missing was continued"),
-    ],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("criterion", "words")
 def test_what_lies_outside_of_the_band_is_remarked(criterion, words):
     narrow = AttitudeLoop(delay=0.02, frequency=tuple(np.geomspace(0.05, 0.5, 60)))
     assert words in criterion.rate(narrow).remark

@@ -11,6 +11,7 @@ from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident.evaluate import Sensitivity, linear, response
 from ident_data import response_and_slope, slopes
+from tabled import tabled
 
 GRID = np.geomspace(0.5, 20.0, 15)
 
@@ -95,11 +96,7 @@ SIDE = Structure.from_dict(tomllib.loads(GOOD))
 """With H1, D, delays on both sides and a tied parameter."""
 
 
-@pytest.mark.parametrize(
-    ("structure", "values"),
-    [(SIDE, SIDE.starts), (LATE, LATE.starts)],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("structure", "values")
 def test_derivatives_through_every_matrix_and_delay_are_exact(structure, values):
     _, slope = response_and_slope(structure, values, WIDE)
     # the square of the step, and rounding of 1e-16 over it

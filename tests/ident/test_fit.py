@@ -147,22 +147,7 @@ HOVER_SLOPES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("structure", "values", "band"),
-    [
-        (structures.hover, HOVER, (0.3, 30.0)),
-        (structures.hover_imu, HOVER, (0.3, 30.0)),
-        (structures.heave_inflow, INFLOW, (1.0, 60.0)),
-        (structures.rollpitch_inflow.with_fixed(TURN), SLOPES, (1.0, 60.0)),
-        pytest.param(
-            structures.hover_inflow.with_fixed(TURN),
-            HOVER_SLOPES,
-            (1.0, 60.0),
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("structure", "values", "band")
 def test_large_structures_come_back_from_their_own_responses(structure, values, band):
     fit = fitted(structure, values, np.geomspace(*band, 160), frequencies_per_response=40)
     assert fit.values == pytest.approx(values, rel=1e-3)

@@ -147,20 +147,7 @@ def test_a_structure_that_does_not_fit_together_is_refused(change, error, messag
         Structure.from_dict({key: x for key, x in HEAVE.items() if key != "H1"} | change)
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"name": "N r"}, "isn't an identifier"),
-        *(
-            ({"bounds": bounds}, "expected lower < upper with the start between")
-            for bounds in ((2.0, 1.0), (1.0, 1.0), (1.5, 2.0), (0.0, 0.5))
-        ),
-        *(({"scale": scale}, "number above 0") for scale in (0.0, -1.0, math.inf)),
-        *(({"start": start}, "must be a finite number, got") for start in (math.inf, math.nan)),
-        ({"error": 0.1}, "'K' has error 0.1 but is free"),
-        ({"error": -1.0, "fixed": True}, r"error must be a number 0 or more, got -1.0"),
-    ],
-)
+@tabled("fields", "message")
 def test_a_parameter_that_can_not_be_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
         Parameter(**{"name": "K", "unit": "1", "start": 1.0} | fields)

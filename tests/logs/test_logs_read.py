@@ -296,21 +296,6 @@ def test_a_log_that_is_read_is_told_so(tmp_path):
     assert any(said(one) == "--channel 'p=p [rad/s]:deg/s'" for one in report.findings)
 
 
-@pytest.mark.slow
-def test_simulated_flights_are_plausible():
-    """A mission at 20 m/s, with the sensors' noise and lags: nothing is said.
-
-    The simulator integrates positions, attitudes and forces by MuJoCo, and knows none of this.
-    """
-    vehicle = hs.load("jr700")
-    (record,) = hs.fly(vehicle, hs.missions.Forward(speed=20.0), seed=1)
-    declared = {one.name: Column(one.name, one.unit) for one in record.channels}
-    columns = {name: record[name] for name in record.names}
-    assert implausible(Channels(record.sample_time, columns, declared)) == []
-    flipped = Channels(record.sample_time, columns | {"q": -record["q"]}, declared)
-    assert [one.kind for one in implausible(flipped)] == ["sign"]
-
-
 RATE = 100.0
 GRAVITY = 9.80665
 _FINE = 1000.0

@@ -136,15 +136,7 @@ def test_sweeps_that_end_at_once_or_move_positions_are_left_out_and_said(tmp_pat
     assert str(no.value).count("too slow for the vehicle") == 1
 
 
-@pytest.mark.parametrize(
-    ("told", "said"),
-    [
-        ("motion", r"nothing moved from 16\.0 to 18\.0 s, as on the ground"),
-        ("height", r"within 0\.5 m of it, at 15\.8 s \(CTUN\.Alt\)"),
-        ((12, 18), r"says that it landed \(EV 18\) at 16\.0 s"),
-        ((13, 12, 1), r"says that it crashed \(ERR 12\) at 16\.0 s"),
-    ],
-)
+@tabled("told", "said")
 def test_a_sweep_that_sank_is_left_out_and_named(tmp_path, told, said):
     log = SidLog().sweep(10, lands=6.0, told=told, **SHORT)
     if isinstance(told, tuple):

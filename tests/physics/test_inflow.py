@@ -72,6 +72,26 @@ def test_edgewise_flow_calms_the_ring(edgewise):
         assert faster < slower
 
 
+def test_heave_damping_is_lost_in_the_ring():
+    """At one thrust the flow through the blades, V_c + v, stops falling with faster descent.
+
+    In hover half of a descent reaches the blades, which damps heave. Johnson (NASA
+    TP-2005-213477) finds flight unstable from 0.45 to 1.5 v_h of descent, with V_c + v no
+    longer falling; the mean of Leishman's fit stands still there until 1.2 v_h. In the windmill
+    state the blades feel more than the descent.
+    """
+    step = 1e-4
+
+    def felt(x):
+        above, below = induced_velocity(x + step), induced_velocity(x - step)
+        return 1.0 + (above - below) / (2.0 * step)
+
+    assert felt(0.0) == pytest.approx(0.5, abs=1e-6)  # 1 - 1/2, momentum theory
+    assert all(-0.05 < felt(x) < 0.1 for x in np.linspace(-0.85, -0.5, 8))
+    assert min(felt(x) for x in np.linspace(-0.85, -0.5, 8)) < 0.0
+    assert felt(-3.0) == pytest.approx(1.0 - 0.5 + 0.75 / math.sqrt(1.25), rel=1e-6)
+
+
 @given(induced=st.floats(-0.1, 0.1), climb=st.floats(-0.2, 0.2), advance=st.floats(0.0, 0.2))
 def test_slope_of_the_mass_flow_is_its_derivative(induced, climb, advance):
     """What Newton is told is what central differences find, in the ring too."""

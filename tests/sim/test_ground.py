@@ -169,14 +169,7 @@ def test_ends_and_their_reasons(jr700, plan, why):
     assert re.search(why, end.why)
 
 
-@pytest.mark.parametrize(
-    "ground",
-    [
-        pytest.param(Ground(slope=0.1), id="uphill", marks=pytest.mark.slow),
-        pytest.param(Ground(slope=0.1, uphill=0.5 * math.pi), id="across", marks=pytest.mark.slow),
-        pytest.param(Ground(deck=SWAYING), id="deck"),
-    ],
-)
+@tabled("ground")
 def test_a_mission_takes_off_and_lands_again(jr700, ground):
     mission = TakeOffHoverLand(height=3.0, hover=3.0)
     plan = hs.FlightPlan(mission=mission, pilot=QUIET, ground=replace(ground, parked=True))

@@ -1,7 +1,6 @@
 """Inside the loop: the pedal's latency, the integrator's order, the pilot's remnant."""
 
 import copy
-from itertools import pairwise
 
 import control
 import mujoco
@@ -13,14 +12,12 @@ import helisim as hs
 import own_laws
 from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.native import installed
 from helisim.sim import Sweep
 from helisim.sim.flight import simulate
 from helisim.sim.plan import FlightPlan, Pilot
 from helisim.vehicle import Controller, load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import Motion, place, write_motion
 
 OTHERS = [pytest.param(*one, marks=pytest.mark.slow) for one in ((0.001, "RK4"), (0.002, "Euler"))]
 
@@ -46,36 +43,6 @@ def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrato
         flown = truth.rates[::each, "pqr".index(motion)]
         # 1 %: what is left is the nonlinearity, which falls with the amplitude
         assert np.std(found - flown) < 0.01 * np.std(flown), motion
-
-
-def final_state(timestep, *, pilot):
-    vehicle = load(timestep=timestep)
-    model = copy.copy(vehicle.model)
-    if pilot:
-        numbers = model.actuator_user[addresses(model).rotor]
-        Pilot(remnant=0.0).write(numbers, vehicle, seed=1, height=10.0)
-    data = mujoco.MjData(model)
-    place(model, data, vehicle.trim)
-    small = Motion(u=0.05, v=0.03, w=-0.02, p=0.05, q=-0.03, r=0.04, phi=vehicle.trim.phi, down=-10)
-    write_motion(model, data, small)
-    with installed():
-        for _ in range(round(0.6 / timestep)):
-            mujoco.mj_step(model, data)
-    kept = addresses(model).state + np.r_[STATE.flap_a_rate : STATE.warming_rate + 1]
-    return np.concatenate([data.qpos, data.qvel, np.delete(data.act, kept)])
-
-
-def convergence(timesteps, *, pilot):
-    states = [final_state(timestep, pilot=pilot) for timestep in timesteps]
-    errors = [np.linalg.norm(one - two) for one, two in pairwise(states)]
-    return errors[0] / errors[1]
-
-
-def test_integration_is_fourth_order():
-    """Halving the step divides the error of servos, rotor and body by 2^4; the gyro has none."""
-    ratio = convergence((0.001, 0.0005, 0.00025), pilot=False)
-    # 2^4 = 16 in the limit; of the 2 ms filter's fifth order, up to 2^5, some is left (21)
-    assert 14.0 < ratio < 26.0
 
 
 def test_remnant_is_what_was_asked(jr700):

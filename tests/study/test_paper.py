@@ -6,7 +6,6 @@ import math
 import os
 import re
 import shutil
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +16,14 @@ from helisim import ident
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.base.note import Command, Option
 from helisim.cli import main
-from helisim.records.storage import read_record
 from helisim.study.check import Problem, check_vehicle
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.errata import errata
 from helisim.study.new_vehicle import new_vehicle
 from helisim.study.paper import check_overall, gyro_effect, overall_from_parts, published
 from helisim.study.results import Exclusion, Results, as_json, read_models, write_models
-from helisim.study.tune import LOOPS, margins
-from helisim.vehicle import load, standard_parameters
+from helisim.vehicle import load
 from helisim.vehicle.parameters import vehicle_names
-from helisim.vehicle.rate_command import STARTS
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_model, make_verification
 from tabled import tabled
 
@@ -503,32 +499,6 @@ def test_it_is_at_first_what_it_was_made_from(like, tmp_path):
     assert own.visual_model().body("libelle").id == 1
     for file in own.folder.rglob("*.xml"):
         assert like not in file.read_text()
-
-
-@pytest.mark.slow
-def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
-    assert "own/README.md" in capsys.readouterr().out
-    for command in (
-        "vehicle linearize own",
-        "vehicle trim own --speeds 0,5 --quiet",
-        "fly --vehicle own --axis lat --duration 12 --out lat.parquet --quiet",
-        "vehicle calibrate own --write --quiet",
-        "tune --vehicle own --write --quiet",
-        "vehicle linearize own --inputs IN2",
-    ):
-        assert main(command.split()) == 0, command
-    assert read_record(tmp_path / "lat.parquet").provenance["vehicle"] == "own"
-    tuned, shipped = standard_parameters("./own"), standard_parameters("blade360")
-    for name in shipped.keys() - STARTS.keys():
-        assert tuned[name] == pytest.approx(shipped[name], rel=1e-6), name  # controls: to 1e-9
-    for axis in LOOPS:  # gains that hardly matter end anywhere; the peak's reach is under 0.1 dB
-        found, wanted = (margins(load(one), axis).gain_db for one in ("./own", "blade360"))
-        assert found == pytest.approx(wanted, abs=0.1)
-    assert tuned.entry("airframe.izz").source == f"blade360: {shipped.entry('airframe.izz').source}"
-    for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
-        assert tomllib.loads((tmp_path / "own" / file).read_text())
 
 
 FROUDE = 0.5  # of lengths: masses as the third power, times as the root

@@ -2,8 +2,6 @@
 
 import pickle
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import mujoco
@@ -56,21 +54,6 @@ def test_neither_name_nor_folder(name, monkeypatch, tmp_path):
     assert "parameters.toml, calibrated.toml" in message
     assert ("did you mean jr700?" in message) == (name == "jr70")
     assert str(pickle.loads(pickle.dumps(caught.value))) == message
-
-
-@pytest.mark.slow
-def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
-    own = hs.load(myheli)
-    code = (
-        "import pickle, sys\n"
-        "vehicle = pickle.load(sys.stdin.buffer)\n"
-        "print(vehicle.folder, vehicle.digest, vehicle.derivatives['N_r'])\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], input=pickle.dumps(own), capture_output=True, check=True
-    )
-    found = done.stdout.decode().split()
-    assert found == [str(myheli), own.digest, repr(own.derivatives["N_r"])]
 
 
 def test_a_recording_asks_for_the_vehicle_that_flew(myheli, tmp_path, capsys):

@@ -18,25 +18,21 @@ from command import fails
 from helisim.base.errors import HelisimError, InputError, ModelError, TrimError, UnknownNameError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.records.record import IN1, IN2, LOAD, POSITIONS, RATES, SERVOS
+from helisim.records.record import LOAD
 from helisim.show.recording import write_recording
-from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
-from helisim.sim.excitation import Excitation
-from helisim.vehicle import Vehicle, load, read_parameters, standard_parameters
+from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble, total_inertia
 from helisim.vehicle.build import write_numbers
 from helisim.vehicle.parameters import (
     glossary,
-    model_folder,
     number_of,
     term,
     to_toml,
     vehicle_names,
 )
-from helisim.vehicle.trim import find_trim, place
+from helisim.vehicle.trim import place
 from heron import copied, edited
-from mirror import mirrored, mirrored_parts
 from tabled import tabled
 
 MOTOR = {"drive.governor": "motor"}
@@ -268,72 +264,6 @@ def test_the_model_to_look_at_flies_the_same(jr700):
         ends.append(np.concatenate([data.qpos, data.qvel, data.act]))
     # inertias summed in another order: rounding, grown over 0.4 s
     assert ends[0] == pytest.approx(ends[1], abs=1e-11)
-
-
-ROUNDING = 1e-11
-"""Of some 10 m, m/s and rad: a sum in another order, in a flight that is stable."""
-ASKEW = {
-    "swashplate.front_angle": 0.2,
-    "swashplate.left_angle": 1.9,
-    "swashplate.right_angle": -2.3,
-    "swashplate.left_arm": 1.1,
-    "swashplate.right_sign": -1.0,
-    "drive.governor": "motor",
-}
-"""A swashplate that is not its own mirror image, and a motor that turns the rotor."""
-
-
-@pytest.fixture(scope="module", params=["as shipped", "askew"])
-def pair(request):
-    askew = request.param == "askew"
-    own = load("jr700", parameters=ASKEW).parameters if askew else load("jr700").parameters
-    models = assemble("jr700", own), assemble("jr700", mirrored(own))
-    if askew:
-        for model in models:
-            model.body_ipos[:, 1] += 0.003
-    mirrored_parts(models[1])
-    each = zip((own, mirrored(own)), models)
-    return tuple(
-        Vehicle(model_folder("jr700"), values, model, find_trim(model)) for values, model in each
-    )
-
-
-class MirroredWeave(Excitation):
-    """Sines on all sticks; the mirrored pilot moves two of them the other way."""
-
-    def sticks(self, time):
-        hand = 1.0 if self.axis == "lat" else -1.0
-        waves = [0.02 * np.sin(time), 0.05 * np.sin(3.0 * time), 0.05 * np.cos(2.0 * time)]
-        waves[2] *= hand
-        return np.column_stack([*waves, 0.03 * hand * np.sin(4.0 * time)])
-
-
-ODD = {"LAT", "PED", "lat", "ped", "p", "r", "phi", "psi", "v", "ay", "east"}
-ODD |= {"b", "air_v", "air_p", "air_r"}
-SWAPPED = {"left": "right", "right": "left"}
-
-
-def test_a_recorded_flight_is_the_mirror_image(pair):
-    records = [
-        fly(
-            vehicle,
-            FlightPlan(
-                excitation=MirroredWeave(axis=axis, duration=6.0),
-                pilot=Pilot(remnant=0.0),
-                weather=Weather(wind=2.2, wind_from=hand),
-                recorder=Recorder(latency=None, noise={}, resolution={}, rotor=True),
-            ),
-            jobs=1,
-        )[0]
-        for vehicle, hand, axis in zip(pair, (1.0, -1.0), ("lat", "ped"))
-    ]
-    assert set(records[0].names) >= {*IN1, *IN2, *SERVOS, *RATES, *POSITIONS}
-    for name in records[0].names:
-        namesake = "_".join(SWAPPED.get(part, part) for part in name.split("_"))
-        sign = -1.0 if name in ODD or name.startswith("servo_tail") else 1.0
-        there = sign * records[1][namesake]
-        scale = max(1.0, np.abs(there).max())
-        assert records[0][name] / scale == pytest.approx(there / scale, abs=ROUNDING), name
 
 
 # Parameters: names, units, words and sources; what can't be is refused with one clear line.
