@@ -35,7 +35,6 @@ _MIXED = 0.15
 
 
 def _system(slip):
-    """Return A, B of p, q, a, b, r, w, phi, v over lat, lon, ped, col."""
     a, b = np.zeros((8, 8)), np.zeros((8, 4))
     if slip:
         a[6, 0], a[7, [3, 6]] = 1.0, G

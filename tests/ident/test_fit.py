@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import plants
 import pytest
 
 from helisim.base.errors import InputError
@@ -140,7 +139,7 @@ HOVER = {
 """Of the size of a small helicopter's; no published set."""
 INFLOW = {"Z_w": -0.9, "Z_col": -25.0, "tau_0": 0.05, "C": 0.6, "tau_col": 0.01}
 TURN = {"turn": 1.0 / 178.0}
-SLOPES = {**plants.ROLLPITCH_IN1, "C": 0.6, "tau_1": 0.03, **TURN, "torque": 0.02}
+SLOPES = {**ROLLPITCH, "C": 0.6, "tau_1": 0.03, **TURN, "torque": 0.02}
 HOVER_SLOPES = {
     **SLOPES, "X_u": -0.05, "X_a": -9.8, "Y_v": -0.15, "Y_b": 9.8, "L_u": -1.5, "L_v": -1.2,
     "M_u": 0.9, "M_v": -0.8,

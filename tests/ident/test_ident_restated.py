@@ -471,7 +471,6 @@ def test_rational_fits_end_in_minima_of_their_stated_error(known, fixed):
 
 
 def bands(random, n_freq):
-    """Return random widths' results, none of the narrowest at the first frequencies."""
     valid = np.ones((3, n_freq), dtype=bool)
     valid[0, :3] = valid[1, 0] = False
     root = numbers(random, 3, n_freq, 2, 2)

@@ -49,7 +49,6 @@ def rates(held, tilt, motion=STILL, air=STILL, target=(0.0, 0.0), step=0.0):
 
 
 def motion_of(held):
-    """Return the matrix of the tilts' rates by themselves, 1/s."""
     return np.column_stack([rates(held, (1.0, 0.0)), rates(held, (0.0, 1.0))])
 
 

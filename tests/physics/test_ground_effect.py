@@ -79,7 +79,6 @@ def test_slope_of_the_share_is_its_derivative(nearness, induced, advance):
 
 
 def rotor_at(vehicle, height):
-    """Return thrust, torque and inflow of the hover's controls, level, at a height of the hub."""
     data = vehicle.hovering()
     data.qpos[2:7] = [height - 0.28, 1.0, 0.0, 0.0, 0.0]
     with installed():
@@ -147,8 +146,6 @@ def effect():
 
 
 def scene(*bodies, fixed=()):
-    """Return a model of a JR700, out of reach of any weight, with other bodies around it."""
-
     def around(spec, vehicle):
         for k, (mocap, position, quaternion, size) in enumerate(bodies):
             body = spec.worldbody.add_body(name=f"deck{k}", pos=position, quat=quaternion)

@@ -161,7 +161,6 @@ def test_servos_that_no_law_moves_are_the_plans_or_the_callers(jr700, place, pla
 
 
 def test_a_manoeuvres_disturbance_is_seen(altered):
-    """Rates and attitude with what it adds, the heading within half a turn; nothing else moves."""
     model, rows = altered(excitation=HISTORY), []
 
     def watch(seen):

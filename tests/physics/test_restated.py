@@ -133,7 +133,6 @@ def sample_filters(par):
 
 
 def ticks(time, period):
-    """Tell whether a multiple of the gyro's period lies within the step that ends now."""
     now, every = round(time / 1e-3), round(period / 1e-3)
     return any((now - back) % every == 0 for back in range(round(STEP / 1e-3)))
 

@@ -179,7 +179,6 @@ def airless():
 
 
 def test_what_touches_it_makes_up_for_its_acceleration(airless):
-    """Pushed askew into the ground: mass times (acceleration less gravity) (Newton)."""
     model = airless.grounded_model(
         lambda spec, _: spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
     )

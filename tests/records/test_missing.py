@@ -22,7 +22,6 @@ def bursts(share, seed, count=TIME.size):
 
 
 def sweep():
-    """Return a sweep to 8 Hz, and what a lag of 0.1 s makes of it."""
     u = np.sin(2.0 * np.pi * (0.2 * TIME + 0.5 * 7.8 / 30.0 * TIME**2))
     y = np.zeros(u.size)
     for k in range(u.size - 1):

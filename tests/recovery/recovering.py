@@ -61,7 +61,6 @@ def estimated(
 
 
 def excess(fit: Fit, aircraft: Aircraft) -> dict[str, float]:
-    """Return each parameter's |error| over its bound."""
     truth = aircraft.truth.items()
     return {name: abs(fit[name].value - value) / bound(fit, name) for name, value in truth}
 

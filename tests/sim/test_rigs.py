@@ -38,7 +38,6 @@ def percent(finding):
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
-    """Without callbacks, without a warning; mass, inertia, parameters are those in the air."""
     path = models_folder() / "jr700" / "rigs" / f"{rig}.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -184,7 +183,6 @@ OMEGA = 3.0
 
 
 def wave(width, seconds=10.0):
-    """Return sines of 3 rad/s, each column with an amplitude of its own."""
     time = np.arange(round(seconds / STEP) + 1) * STEP
     return np.sin(OMEGA * time)[:, None] * (0.1 + 0.01 * np.arange(width))
 

@@ -8,8 +8,6 @@ frame that keeps the start's velocity (far from the origin and fast, positions r
 helisim has no law for (gravitation that falls off, the brick's damping) comes through the same
 hook of MuJoCo as its air loads. The earth's turn enters only when positions, velocities and
 angles are read out.
-
-Cases 4 to 10 test atmospheres, winds and earths that helisim does not have; 11 to 17 aircraft.
 """
 
 import copy
