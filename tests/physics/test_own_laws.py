@@ -38,18 +38,22 @@ def test_a_law_is_known_until_it_is_released():
     assert not is_registered(law.handle, token(), 2)
 
 
-def test_a_failed_law_leaves_the_servos_where_they_were(jr700):
+@pytest.mark.parametrize(
+    ("left", "why"), [(3.0, "finite numbers"), (np.inf, "left a state that is")]
+)
+def test_a_failed_law_leaves_the_servos_where_they_were(jr700, left, why):
     given = []
 
     def law(seen, state):
         state[0] += 1.0
         given.append(state[0])
-        return [0.1 * state[0], 0.2, 0.3, np.nan if state[0] > 2.0 else 0.4]
+        state[0] = left if state[0] > 2.0 else state[0]
+        return [0.1 * given[-1], 0.2, 0.3, np.nan if state[0] == 3.0 else 0.4]
 
     model = jr700.model.__copy__()
     hs.set_controller(model, Controller(law, states=1))
     data = mujoco.MjData(model)
-    with pytest.raises(CallbackError, match="finite numbers"), hs.installed():
+    with pytest.raises(CallbackError, match=why), hs.installed():
         mujoco.mj_step(model, data, 5)
     assert given == [1.0, 2.0, 3.0]
     assert np.isnan(data.sensor("servo_command").data).all()
