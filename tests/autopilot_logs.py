@@ -35,7 +35,6 @@ class Log:
                 self.write(252, 0, ord(letter), single)
 
     def define(self, number, name, letters, labels, *, units="", multipliers="", length=None):
-        """Write a type's FMT message, and FMTU if it has units."""
         form = "".join(LETTERS.get(letter, "") for letter in letters)
         length = struct.calcsize("<" + form) + 3 if length is None else length
         self.write(128, number, length, name.encode(), letters.encode(), labels.encode())
@@ -44,7 +43,6 @@ class Log:
             self.write(253, 0, number, units.encode(), multipliers.encode())
 
     def write(self, number, *values):
-        """Write a message."""
         self.messages.append(
             struct.pack("<BBB", 0xA3, 0x95, number)
             + struct.pack("<" + self._forms[number], *values)
@@ -52,11 +50,9 @@ class Log:
 
     @property
     def data(self):
-        """The log's bytes."""
         return b"".join(self.messages)
 
     def save(self, folder, name="a.bin"):
-        """Write the log to a file, and return its path."""
         path = folder / name
         path.write_bytes(self.data)
         return path
@@ -122,7 +118,6 @@ def dataflash(messages):
 
 
 def table(path, *columns, header="t [s],p"):
-    """Write columns, (n_row,) each, as CSV, and return the path."""
     rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*columns)]
     path.write_text("\n".join([header, *rows]) + "\n")
     return path

@@ -141,7 +141,6 @@ def _within(values: Iterable[int], *widths: int) -> bool:
 
 
 def _bytes_of(values: list[int]) -> bytes:
-    """Return three numbers of 1 to 4 bytes each, their sizes in the first byte."""
     sizes = [next(k for k in range(4) if k == 3 or _within([one], 8 * k + 8)) for one in values]
     tag = 0xC0 | sizes[0] | sizes[1] << 2 | sizes[2] << 4
     numbers = ((one & 0xFFFFFFFF).to_bytes(4, "little")[: k + 1] for one, k in zip(values, sizes))
@@ -198,7 +197,6 @@ _SINGLE = {
 
 
 def _plan(encodings: list[int]) -> list[tuple[int, int, int]]:
-    """Return encoding, first field and the one after the last of each group of fields."""
     plan, k = [], 0
     while k < len(encodings):
         stop = k + _SIZES.get(encodings[k], 1)
@@ -226,14 +224,12 @@ def frame(letter: str, fields: Mapping[str, Field], *values: int) -> bytes:
 
 
 def event(kind: int, *numbers: int) -> bytes:
-    """Return an event of a kind with unsigned numbers; kind 255 ends a log."""
     return bytes([69, kind]) + (
         b"End of log\0" if kind == 255 else b"".join(map(unsigned, numbers))
     )
 
 
 def adjusted(function: int, value: int) -> bytes:
-    """Return event 13: a gain, or another setting, changed in flight."""
     return bytes([69, 13, function]) + signed(value)
 
 

@@ -16,7 +16,6 @@ def known_loop() -> control.TransferFunction:
 
 
 def chirp(duration: float, band: tuple[float, float], amplitude: float) -> np.ndarray:
-    """Return a logarithmic sweep at the samples, zero for a second at either end."""
     time = np.arange(0.0, duration, PERIOD)
     rate = np.log(band[1] / band[0]) / duration
     wave = amplitude * np.sin(band[0] / rate * np.expm1(rate * time))

@@ -46,7 +46,6 @@ class Sharing(LoadScopeScheduling):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Sharing:
-    """Return what shares out the tests."""
     return Sharing(config, log)
 
 

@@ -45,7 +45,6 @@ class Plant:
     inputs, outputs = COMMANDS, OUTPUTS
 
     def response(self, frequency):
-        """Return (6, 3, n_freq)."""
         a, b, c = plant()
         z = np.exp(1j * frequency / RATE)
         moved = np.linalg.solve(z[:, None, None] * np.eye(9) - a, b[None])
@@ -64,7 +63,6 @@ class Flown(SidLog):
             self.define(number, name, "Qfffff", "TimeUS,P,I,D,FF,DFF")
 
     def fly(self, axis):
-        """Fly a sweep of one SID_AXIS, and write what is logged of it."""
         row = COMMANDS.index(SID_AXES[axis].control)
         time = np.arange(2800) / RATE
         swept, frequency = chirp(time - 1.0, **SWEEP)
@@ -74,7 +72,6 @@ class Flown(SidLog):
         return self
 
     def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False):
-        """Fly 24 steps of each stick, rad or rad/s, and write what is logged, `twice` a tick."""
         random = np.random.default_rng(3)
         asked = [np.zeros((500, 3))]
         for k in (k for row in axes for k in [row] * 24):

@@ -72,7 +72,6 @@ def _mjcf(n: float) -> str:
 
 
 def copied(folder: Path, like: str = "jr700") -> Path:
-    """Copy a shipped vehicle to a folder, which gives it its name."""
     shutil.copytree(model_folder(like), folder, ignore=shutil.ignore_patterns("*.png", "build.py"))
     return folder
 

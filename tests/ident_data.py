@@ -17,7 +17,6 @@ ROLLPITCH = {
 
 
 def record(step=0.05, provenance=None, **columns):
-    """Return a record of channels by name."""
     values = np.stack(list(columns.values()), axis=1)
     channels = tuple(map(channel, columns))
     return FlightRecord(np.arange(len(values)) * step, values, channels, provenance or {})
@@ -32,14 +31,12 @@ def data(found, frequency=GRID, *, inputs=("u",), outputs=("y",), noise=0.0, see
 
 
 def of_model(structure: Structure, values, frequency=GRID, **options) -> FrequencyResponse:
-    """Return a structure's response with these values."""
     found = response(structure, values, frequency)
     names = {"inputs": structure.inputs, "outputs": structure.outputs}
     return data(found, frequency, **names, **options)
 
 
 def fitted(structure: Structure, values, frequency=GRID, *, noise=0.0, seed=0, **options) -> Fit:
-    """Return the fit of a structure to its own response with these values."""
     frf = of_model(structure, values, frequency, noise=noise, seed=seed)
     return identify(frf, structure, **options)
 

@@ -13,12 +13,10 @@ from collections import Counter
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 
-from helisim.sitl import Aircraft, Link, Sensed, serve
-from helisim.sitl.process import Autopilot
+from helisim.sitl import Link, Sensed, serve
 from played_autopilot import PlayedAutopilot
 
 
@@ -153,19 +151,3 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
         autopilot.close()
     behind = np.array([count - count_at[at] for count, at in read_at])
     return Proof(link.served, did, flown, link.most, behind)
-
-
-def prove_real(frames, program, *, parameters="", aircraft=None, **way):
-    flown = []
-
-    def on_frame(frame, _sensed):
-        flown.append(frame.count)
-        return len(flown) >= frames
-
-    with (
-        Notes() as link,
-        bad_way(link.port, **way) as (port, did),
-        Autopilot(Path(program).absolute(), parameters, port),
-    ):
-        served = serve(aircraft or Aircraft(), link, on_frame=on_frame)
-    return Proof(served, did, flown, link.most, np.zeros(0))

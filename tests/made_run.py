@@ -45,7 +45,6 @@ EQ_8 = OverallCheck(
 
 
 def make_model(name: str, *, verified: bool = False) -> IdentifiedModel:
-    """Return a model fitted to its exact response."""
     structure, values = MODELS[name]
     omega = np.geomspace(0.5, 30.0, 60)
     names = {"inputs": structure.inputs, "outputs": structure.outputs}
@@ -57,7 +56,6 @@ def make_model(name: str, *, verified: bool = False) -> IdentifiedModel:
 
 
 def make_verification(structure: ident.Structure) -> ident.Verification:
-    """Return a verification on one flight of 4 s."""
     time = np.arange(400) / 100.0
     n_out = len(structure.outputs)
     measured = np.sin(time)[:, None] * np.arange(1, n_out + 1)
@@ -83,7 +81,6 @@ def make_verification(structure: ident.Structure) -> ident.Verification:
 
 
 def make_flight(names=tuple(CHANNELS), n: int = 300, **provenance) -> FlightRecord:
-    """Return a record of smooth motions near the hover at 20 m."""
     time = np.arange(n) / 100.0
     phase = np.arange(len(names))
     values = 0.1 * np.sin(time[:, None] * (1.0 + phase) + phase)
@@ -108,7 +105,6 @@ def _table(item: IdentifiedModel) -> ComparisonTable:
 
 
 def write_run(folder: Path) -> Results:
-    """Write a run's files into a folder, and return its results."""
     items = [make_model("heave"), make_model("rollpitch_in1", verified=True)]
     tables = tuple(_table(item) for item in items)
     flown = {"flights_kept_each_axis": 1, "flown_each_axis": 2, "timestep_s": 0.002}

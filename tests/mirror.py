@@ -28,7 +28,6 @@ def _swapped(name: str) -> str:
 
 
 def mirrored_parts(model):
-    """Swap left and right of a model's bodies, sites and shapes, in place."""
     for places in (model.body_ipos, model.site_pos, model.geom_pos):
         places[:, 1] *= -1.0
     for turns in (model.body_iquat, model.site_quat, model.geom_quat):

@@ -27,7 +27,6 @@ def attitude(seen, state, settings):
 
 
 def attitude_from_trim(seen, state):
-    """Start with the pedal where the tail servo stands."""
     state[2] = seen.tail
 
 
@@ -93,7 +92,6 @@ INPUTS = ("p", "phi", "psi", "LAT", "COL")
 
 
 def random_law(seed: int = 1, **changes) -> StateSpaceLaw:
-    """A stable law of five states."""
     rng = np.random.default_rng(seed)
     a = rng.standard_normal((5, 5))
     a *= 0.9 / np.max(np.abs(np.linalg.eigvals(a)))

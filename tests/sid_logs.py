@@ -35,7 +35,6 @@ _MIXED = 0.15
 
 
 def _system(slip):
-    """Return A, B of p, q, a, b, r, w, phi, v over lat, lon, ped, col."""
     a, b = np.zeros((8, 8)), np.zeros((8, 4))
     if slip:
         a[6, 0], a[7, [3, 6]] = 1.0, G
@@ -136,11 +135,9 @@ class SidLog(Log):
 
     @property
     def us(self):
-        """Now, us."""
         return round(1e6 * self._now)
 
     def say(self, text):
-        """Write a message to people."""
         self.write(2, self.us, text.encode())
 
     def _rows(self, number, time, values):
@@ -154,7 +151,6 @@ class SidLog(Log):
         return rows.view((np.uint8, rows.itemsize))
 
     def mode(self, number):
-        """Write that a mode was chosen."""
         self.write(3, self.us, number, number, 2)
 
     def sweep(

@@ -12,7 +12,6 @@ HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
 
 
 def flown(structure, values, axis, seed, *, duration=60.0, noise=0.0, jitter=False):
-    """Return time, inputs and outputs of a sweep, uniform or with 20 ms jitter."""
     random = np.random.default_rng(seed)
     inputs = np.zeros((round(duration * plants.RATE), len(structure.inputs)))
     for k, name in enumerate(structure.inputs):
@@ -32,7 +31,6 @@ def flown(structure, values, axis, seed, *, duration=60.0, noise=0.0, jitter=Fal
 
 
 def write_foreign(path, headings, time, columns, *, delimiter=";", encoding="utf-8"):
-    """Write columns as another program does."""
     with path.open("w", newline="", encoding=encoding) as file:
         writer = csv.writer(file, delimiter=delimiter)
         writer.writerow(headings)
@@ -41,7 +39,6 @@ def write_foreign(path, headings, time, columns, *, delimiter=";", encoding="utf
 
 
 def csv_writer(folder):
-    """Return a function that writes a heave sweep as CSV, its cells changed by the test."""
     time, inputs, outputs = flown(structures.heave, HEAVE, "col", 5, duration=30.0, noise=0.01)
     rows = [[f"{cell:.8g}" for cell in row] for row in zip(time, inputs[:, 0], outputs[:, 0])]
 

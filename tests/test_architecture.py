@@ -72,7 +72,6 @@ def test_every_public_name_is_there():
 
 @pytest.mark.slow
 def test_a_function_is_not_replaced_by_the_package_of_its_name():
-    """Public names are what they are called, also where a package has the same name."""
     names = "print(*(one.__name__ for one in (hs.look, hs.look, hs.design)))"
     code = f"import helisim as hs; {names}; import helisim.look, helisim.design.design; {names}"
     assert python(code).split() == 2 * ["look", "look", "design"]
@@ -88,7 +87,6 @@ def read(name):
 
 
 def test_the_version_is_one():
-    """`helisim.__version__` is where it stands; what can't read it from there repeats it."""
     own = helisim.__version__
     assert version("helisim") == own
     assert re.findall(r"^version: (\S+)$", read("CITATION.cff"), re.M) == [own]

@@ -33,7 +33,6 @@ def callbacks():
 
 
 def walk(steps=300):
-    """Return every state and sensor of the other model's motion, driven."""
     model = mujoco.MjModel.from_xml_string(HUMANOID)
     data = mujoco.MjData(model)
     rows = []
@@ -166,7 +165,6 @@ def test_nothing_is_kept_of_what_was_loaded(jr700):
 
 
 def scene(*names, size=320):
-    """Return a world with these vehicles, one after the other."""
     world = mujoco.MjSpec.from_string(
         f"""<mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0"
         gravity="0 0 -9.8015"/><size nuser_actuator="{size}"/></mujoco>"""

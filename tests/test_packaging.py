@@ -31,7 +31,6 @@ def run(command: list[str | Path], cwd: Path, **variables: str) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    """The wheel of this checkout, built from its source archive with the test extra's tools."""
     folder = tmp_path_factory.mktemp("wheel")
     run([sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, "."], ROOT)
     (path,) = folder.glob("helisim-*.whl")
@@ -47,7 +46,6 @@ def test_an_index_would_take_wheel_and_archive(wheel):
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory) -> Path:
-    """The programs folder of a fresh environment that has the wheel installed."""
     home = tmp_path_factory.mktemp("fresh") / "venv"
     venv.create(home, symlinks=os.name != "nt")
     programs = home / ("Scripts" if os.name == "nt" else "bin")

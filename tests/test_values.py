@@ -29,13 +29,11 @@ LONGEST = 400
 
 
 def lagging_yaw(seen, state):
-    """Return the tail servo's command of a law with a state."""
     state[0] += 0.1 * (seen.PED - state[0])
     return state[0] - 0.1 * seen.r
 
 
 def make_design(law):
-    """Return a design of one specification that left a law as it was."""
     spec = hs.standard("margins", axes=("lat",))[1]
     rating = spec.criterion.rated({"gain_margin": 9.0, "phase_margin": 1.0, "crossover": 12.0})
     judged = (Judged(spec, None, rating, rating, 1.0),)
@@ -44,7 +42,6 @@ def make_design(law):
 
 
 def make_inferred():
-    """Return what a log with one sweep says."""
     sweep = FlownSweep(12, 10.0, 70.0, 0.1, 2.0, 60.0, True, "complete")
     channel = TakenChannel("ped", Column("RATE.YOut", "1"), 400.0, "by name")
     parameters = FrozenMap({"H_SW_TYPE": 3.0})
@@ -55,7 +52,6 @@ def make_inferred():
 
 @pytest.fixture(scope="module")
 def values(jr700, tmp_path_factory):
-    """Return an instance of each public class, and of what public functions return."""
     item = make_model("rollpitch_in1", verified=True)
     results = write_run(tmp_path_factory.mktemp("run"))
     record, fit, roll = make_flight(seed=3), item.fit, hs.structures.rollpitch
@@ -150,7 +146,6 @@ def writable(value, name=""):
 
 
 def returned(value):
-    """Return a value and its repr, from another process."""
     return repr(value), value
 
 

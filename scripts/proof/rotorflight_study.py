@@ -17,6 +17,7 @@ from pathlib import Path
 
 import common
 import numpy as np
+import rotorflight_flights as flights
 
 import helisim as hs
 from helisim.base.linear import LinearSystem
@@ -27,7 +28,6 @@ from helisim.study.rotorflight_tune import Feedback, tune_blackbox
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 import blackbox_logs  # pyright: ignore[reportMissingImports]  # of tests, on the path above
-import rotorflight_flights as flights  # pyright: ignore[reportMissingImports]
 
 SEEN = ("p", "q", "r", "phi", "theta", "psi")
 FIGURES = ("crossover", "phase_margin", "gain_margin", "DRB", "DRP")

@@ -144,7 +144,6 @@ def test_numpy_becomes_pythons_own():
 
 
 def test_what_another_version_wrote_is_passed_over():
-    """Where the reader is lenient; it takes no other numbers, and an infinite one as ever."""
     assert from_plain(Plan, {"new": 1, "bound": "-inf"}, "plan", lenient=True).bound == -math.inf
     with pytest.raises(InputError, match=r"plan\.number must be a finite number.*, got inf"):
         from_plain(Plan, {"new": 1, "number": math.inf}, "plan", lenient=True)
@@ -248,7 +247,6 @@ def test_a_remedy_is_given_in_short(given, found):
 
 
 def test_the_command_line_words_a_remedy():
-    """Dashes, and the value if there is one."""
     assert worded(options("max_gap=0.5,windows")) == " (--max-gap 0.5, --windows)"
     assert worded(()) == ""
 

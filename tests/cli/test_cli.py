@@ -89,12 +89,10 @@ def test_what_ardupilot_reads_of_a_model_and_of_a_vehicle_is_written(tmp_path, c
 
 @pytest.fixture(scope="module")
 def record():
-    """A flight of a known loop."""
     return flown(known_loop(), seed=3, noise=0.02)
 
 
 def test_margins_need_no_option_of_a_record_and_names_of_other_columns(record, tmp_path, capsys):
-    """The table has the three figures of the loop; so has the JSON, with intervals."""
     path, out = tmp_path / "loop.parquet", tmp_path / "found.json"
     write_record(record, path)
     words = ["--band", "4", "20", "--json", str(out), "--quiet"]
@@ -133,7 +131,6 @@ def test_json_goes_to_a_file_or_in_place_of_the_text(tmp_path, capsys, record):
 
 
 def printed(capsys, *arguments):
-    """Return the rows that the command prints, as numbers, by speed."""
     assert main(["vehicle", "trim", *arguments]) == 0
     text = capsys.readouterr().out
     assert max(len(line) for line in text.splitlines() if "Written" not in line) <= 80
@@ -195,20 +192,11 @@ FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "ped.parq
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A current folder with laws in a module; no other test imports one of this name."""
     (tmp_path / "laws_of_the_folder.py").write_text(LAWS)
     (tmp_path / "json.py").write_text(LAWS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delitem(sys.modules, "laws_of_the_folder", raising=False)
     return tmp_path
-
-
-def test_a_law_of_the_current_folder_flies(folder):
-    assert main([*FLY, "--controller", "laws_of_the_folder:tail"]) == 0
-    record = hs.read_record(folder / "ped.parquet")
-    assert record.provenance["controller"]["tail"]["law"] == "laws_of_the_folder:yaw"
-    assert main(FLY) == 0
-    assert not np.array_equal(hs.read_record(folder / "ped.parquet").values, record.values)
 
 
 @pytest.mark.parametrize("word", ["laws/of_a_file.py:tail", "./laws/of_a_file:tail"])

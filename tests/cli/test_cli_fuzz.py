@@ -7,20 +7,14 @@ import sys
 from pathlib import Path
 
 import matplotlib
-import mujoco
 import numpy as np
-import plants
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from command import fails
 from helisim.cli import main
-from helisim.ident import structures
-from helisim.physics import memory, native
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
-from swept_logs import BAD, csv_writer, flown, write_foreign
 
 ANY = st.one_of(
     st.text(max_size=8),
@@ -61,7 +55,6 @@ SOUND = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a record of white noise through a lag."""
     path = tmp_path_factory.mktemp("Messung ü")
     random = np.random.default_rng(1)
     stick = random.normal(size=1500)
@@ -73,7 +66,6 @@ def folder(tmp_path_factory):
 
 
 def outcome(arguments):
-    """Return a command's status and the lines it left on standard error."""
     stderr = io.StringIO()
     with contextlib.redirect_stderr(stderr), contextlib.redirect_stdout(io.StringIO()):
         try:
@@ -105,18 +97,6 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
         assert lines[0].startswith("helisim"), lines
         assert sorted(folder.iterdir()) == before
     (folder / "out.csv").unlink(missing_ok=True)
-
-
-def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
-    for name in ("offsets", "compiled"):  # anew, beside what this process holds
-        monkeypatch.setattr(native, name, getattr(native, name).__wrapped__)
-    monkeypatch.setattr(memory, "_ctype", lambda node: type(node.name, (), {"opt": None}))
-    out = str(tmp_path / "a.csv")
-    status, lines = outcome(["fly", "--axis", "lat", "--duration", "13", "--out", out])
-    assert (status, len(lines)) == (2, 1)
-    assert f"MuJoCo {mujoco.__version__} has no field that helisim needs" in lines[0]
-    assert "install a version that this helisim supports" in lines[0]
-    assert list(tmp_path.iterdir()) == []
 
 
 _written: list[str] = []
@@ -175,49 +155,3 @@ def test_nothing_is_written_outside_the_folder_that_is_named(tmp_path, monkeypat
 
 
 # The command line on logs of others: a mistake is one line, other units give the same model.
-
-ROLLPITCH = plants.ROLLPITCH_IN1
-
-
-@pytest.fixture
-def sweep_csv(tmp_path):
-    return csv_writer(tmp_path)
-
-
-def test_uneven_samples_are_refused_until_resampled(sweep_csv, capsys):
-    random = np.random.default_rng(0)
-    path = sweep_csv(lambda rows: [row for row in rows if random.random() > 0.1])
-    message = fails(capsys, "identify", path, "--structure", "heave")
-    for text in ("bad.csv, line ", "column 't [s]'", "--resample"):
-        assert text in message
-    arguments = ["identify", str(path), "--structure", "heave", "--resample", "50"]
-    assert main([*arguments, "--max-gap", "0.1"]) == 0
-
-
-def test_inputs_that_move_as_one_are_refused(tmp_path, capsys):
-    time, inputs, outputs = flown(structures.rollpitch, ROLLPITCH, "lat", 5, duration=40.0)
-    path = tmp_path / "both.csv"
-    headings = ["t [s]", "lat [1]", "mixed [1]", "p [rad/s]", "q [rad/s]"]
-    columns = [inputs[:, 0], 0.5 * inputs[:, 0], *outputs.T]
-    write_foreign(path, headings, time, columns, delimiter=",")
-    options = ["--channel", "lon=mixed", "--band", "2", "30"]
-    message = fails(capsys, "identify", path, "--structure", "rollpitch", *options)
-    for text in ("both.csv", "'lat [1]'", "'mixed [1]'", "lines 2 to 4001"):
-        assert text in message
-
-
-def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
-    holes = sweep_csv(BAD["holes"], name="holes.csv")
-    dead = sweep_csv(BAD["twice"], name="repeats.csv")
-    out = holes.with_suffix(".json")
-    arguments = ["identify", str(holes), str(dead), "--structure", "heave", "--json", str(out)]
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    lines = captured.err.splitlines()
-    assert lines[0] == "helisim identify: 2 things are wrong with the logs:"
-    assert "holes.csv, line 6, column 'w [m/s]': no number" in lines[1]
-    assert "repeats.csv, line 52" in lines[2]
-    assert "'duplicates'" in lines[2]
-    assert len(lines) == 3
-    assert not out.exists()
-    assert captured.out == ""

@@ -1,6 +1,5 @@
 """The command line on logs: identify, verify, frf, structures, their options and advice."""
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -54,19 +53,6 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
     assert main(["verify", str(model), str(wrong)]) == 1
 
 
-def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
-    path, model = sweep_csv(name="sweep.csv"), tmp_path / "model.json"
-    part = ["--from", "3", "--to", "20"]
-    options = ["--structure", "heave", "--json", str(model)]
-    assert main(["identify", str(path), *options, *part]) == 0
-    assert "from 3 s to 20 s" in capsys.readouterr().out
-    (log,) = json.loads(model.read_text())["logs"]
-    assert log["parts"][0]["start_s"] == pytest.approx(3.0)
-    assert log["parts"][0]["duration_s"] == pytest.approx(17.0)
-    assert "was used in the fit" in fails(capsys, "verify", model, path, "--from=6", "--to=12")
-    assert main(["verify", str(model), str(path), "--from", "20.1"]) == 0
-
-
 OWN = Path(__file__).with_name("own_structure.toml").read_text(encoding="utf-8")
 CLIMB = {"Z_w": -0.8, "Z_col": -25.0, "lag": 0.12}
 
@@ -95,27 +81,6 @@ def test_a_new_structure_takes_one_file(tmp_path, capsys):
     assert main(["verify", str(model), logs[1]]) == 0
 
 
-def test_frequency_responses_are_written(tmp_path, sweep_csv, capsys):
-    out, data = tmp_path / "frf.csv", tmp_path / "frf.json"
-    arguments = ["--inputs", "col", "--outputs", "w", "--band", "1.5", "20"]
-    files = ["--csv", str(out), "--json", str(data)]
-    assert main(["frf", str(sweep_csv()), *arguments, *files]) == 0
-    assert "w/col" in capsys.readouterr().out
-    first, *lines = out.read_text().splitlines()
-    provenance = json.loads(first.removeprefix("# provenance: "))
-    assert provenance["band_rad_s"] == pytest.approx([1.5, 20.0])
-    assert provenance == json.loads(data.read_text())["provenance"]
-    rows = list(csv.DictReader(lines))
-    middle = rows[len(rows) // 2]
-    omega = float(middle["frequency [rad/s]"])
-    gain = 20.0 * np.log10(abs(HEAVE["Z_col"]) / np.hypot(omega, HEAVE["Z_w"]))
-    error = 4.0 * float(middle["w/col random error [1]"])
-    assert 0.0 < error < 0.2
-    measured = float(middle["w/col magnitude [dB]"])
-    assert measured == pytest.approx(gain, abs=20.0 * np.log10(1.0 + error))
-    assert len(json.loads(data.read_text())["response"]["frequency"]) == len(rows)
-
-
 @pytest.mark.slow
 def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
     """`identify` draws nothing and simulates nothing, so it waits for no module that would."""
@@ -130,7 +95,6 @@ def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """Return a function that names a collective sweep, written once."""
     path = csv_writer(tmp_path_factory.mktemp("sweep"))()
     return lambda: path
 
@@ -162,7 +126,6 @@ def test_a_poor_fit_names_the_options_that_help(tmp_path, swept, capsys):
 
 
 def fitted(tmp_path, logs, *options, structure):
-    """Identify and return the fit that was written, whatever the exit status."""
     model = tmp_path / "model.json"
     where = ["--structure", structure, "--json", str(model), "--quiet"]
     assert main(["identify", *map(str, logs), *where, *options]) in (0, 1, 3)
@@ -170,7 +133,6 @@ def fitted(tmp_path, logs, *options, structure):
 
 
 def test_estimator_and_bounds_are_the_users(tmp_path, swept):
-    """--bounds holds the fit, and opens a side that is left out; --start is within them."""
     out = tmp_path / "frf.json"
     signals = ["--inputs", "col", "--outputs", "w", "--band", "2", "20", "--quiet"]
     words = ["--estimator", "windows", "--json", str(out)]
@@ -187,7 +149,6 @@ def test_estimator_and_bounds_are_the_users(tmp_path, swept):
 
 
 def test_short_records_are_fitted_by_their_likelihood(tmp_path, capsys):
-    """A doublet of 8 s needs no option; what is of spectral estimates is refused beside it."""
     time, inputs, outputs = flown(structures.heave, HEAVE, "col", 9, duration=8.0, noise=0.01)
     path = tmp_path / "short.csv"
     headings = ["t [s]", "col [1]", "w [m/s]"]
@@ -214,7 +175,6 @@ def test_what_is_known_from_a_bench_carries_its_error(tmp_path, swept):
 
 
 def test_recorded_sticks_are_the_reference(tmp_path, capsys):
-    """The joint estimate is the default, the direct one beside it; "none" asks for the direct."""
     copy_examples(tmp_path)
     log = str(tmp_path / "sweep_ped.parquet")
     words = ["identify", log, "--structure", "yaw_base", "--quiet"]
@@ -246,7 +206,6 @@ def test_options_overrule_what_the_log_says(tmp_path, capsys):
 
 
 def test_a_refused_fit_and_a_sweep_that_sank_end_no_other(tmp_path, capsys):
-    """Roll sinks; pitch is read from the yaw gyro, which it doesn't move; yaw and thrust go on."""
     log, out = SidLog().sweep(10, lands=6.0, told="height", **SHORT), tmp_path / "model.json"
     for axis in (11, 12, 13):
         log.sweep(axis, noise=0.3, seed=axis, **SHORT)

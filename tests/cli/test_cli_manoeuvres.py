@@ -21,7 +21,6 @@ from tabled import tabled
 
 @pytest.fixture
 def planned(capsys, tmp_path, monkeypatch):
-    """Return a function that gives the excitation that arguments mean."""
     monkeypatch.chdir(tmp_path)
 
     def excitation(*arguments):
@@ -32,7 +31,6 @@ def planned(capsys, tmp_path, monkeypatch):
 
 
 def test_settings_are_numbers_lists_and_texts_and_plans_nest_parts(planned, tmp_path):
-    """As the classes have them; a list's numbers are joined by colons."""
     wanted = Chirp(axis="ped", amplitude=0.02, band=(1.0, 30.0), at="actuators")
     asked = "chirp,axis=ped,amplitude=0.02,band=1:30,at=actuators"
     assert planned("--excitation", asked) == wanted
@@ -113,7 +111,6 @@ def test_a_flight_is_recorded_over_its_ground(tmp_path, capsys):
 
 @pytest.fixture
 def counting(monkeypatch):
-    """Let an aircraft fly that only counts."""
     monkeypatch.setattr(helisim.sitl, "Aircraft", lambda *_, **__: lock_step.Counting())
 
 
@@ -138,7 +135,6 @@ def test_no_autopilot_and_another_protocol(capsys, counting, monkeypatch):
 
 
 def served(frames, *arguments):
-    """Run the command while a played autopilot flies; return its status and port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

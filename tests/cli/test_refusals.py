@@ -30,7 +30,6 @@ FILES["good.toml"] = '[campaign]\nmodels = ["heave"]\nflights = 2\n'
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with one sound file of each kind, and a few that are not."""
     path = tmp_path_factory.mktemp("refused")
     for name, text in FILES.items():
         (path / name).write_text(text)

@@ -50,7 +50,6 @@ class SmallPlant:
 
     @cached_property
     def continuous(self) -> LinearSystem:
-        """It before it is sampled."""
         return LinearSystem(*self.matrices, np.zeros((4, 2)), None, self.inputs, OUTPUTS)
 
     def response(self, frequency: Matrix) -> NDArray[np.complex128]:
@@ -61,7 +60,6 @@ class SmallPlant:
         return self.continuous.discretise(PERIOD)
 
     def draws(self, count: int, *, seed: int) -> "tuple[SmallPlant, ...]":
-        """Return plants whose numbers err by 3 %."""
         rng = np.random.default_rng(seed)
         off = 1.0 + 0.03 * rng.standard_normal((count, 5))
         return tuple(
@@ -86,7 +84,6 @@ class SmallLaw:
         return replace(self, gains={**self.gains, **changes})
 
     def linear(self, period: float) -> LinearSystem:
-        """Return what it does, at any period."""
         g, none = self.gains, (np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((2, 0)))
         matrix = [
             [-g["lat.k_rate"], 0.0, -g["lat.k_angle"], 0.0, g["lat.k_angle"], 0.0],
@@ -105,7 +102,6 @@ class Rejects(Criterion):
     borders: ClassVar[dict[str, tuple[str, int]]] = {"bandwidth": ("bandwidth", 0)}
 
     def rate(self, loop) -> Rating:
-        """Return the bandwidth."""
         return self.rated({"bandwidth": rejection(loop.disturbance(self.axis)).bandwidth})
 
 

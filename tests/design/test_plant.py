@@ -7,7 +7,6 @@ import pytest
 
 from helisim import ident
 from helisim.base.errors import InputError
-from helisim.base.linear import LinearSystem
 from helisim.design.exact import air_met, exact_loop, hands_off
 from helisim.design.plant import Plant, sample_parameters, turned
 from helisim.handling.loop import NoResponse
@@ -24,7 +23,6 @@ TRUE = {"N_r": -1.2, "N_ped": 40.0, "tau_r_base": 0.05}
 
 @pytest.fixture(scope="module")
 def yaw():
-    """A fit to an exact yaw response whose rate is recorded 40 ms late."""
     response = 40.0 / (1j * OMEGA + 1.2) * np.exp(-0.05j * OMEGA)
     exact = ident.FrequencyResponse.exact(
         OMEGA, response[None, None], inputs=["ped"], outputs=["r"]
@@ -92,30 +90,6 @@ def test_nothing_to_begin_at_is_refused(yaw):
         Plant((stick,))
 
 
-@pytest.mark.parametrize("ticks", [0, 1, 3])
-@pytest.mark.parametrize("rest", [0.0, 0.6, 1.5])
-def test_a_delayed_lag_is_sampled_as_in_the_textbook(ticks, rest):
-    """Of systems with a delay: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., 2.3.
-
-    With dx/dt = -k x + u(t - d T - tau), x+ = e^(-k T) x + G0 u(-d) + G1 u(-d - 1), where
-    G0 = (1 - e^(-k (T - tau))) / k, G1 = e^(-k (T - tau)) (1 - e^(-k tau)) / k.
-    """
-    k, period, tau = 0.9, 2.0, rest
-    one = np.ones((1, 1))
-    lag = LinearSystem(-k * one, one, one, 0.0 * one, None, ("u",), ("x",))
-    now = replace(lag, delays={"u": ticks * period + tau}).discretise(period)
-    a, b, c, d = now.a, now.b, now.c, now.d
-    answer = [d[0, 0]] + [(c @ np.linalg.matrix_power(a, n) @ b)[0, 0] for n in range(8)]
-    first = (1.0 - np.exp(-k * (period - tau))) / k
-    then = np.exp(-k * (period - tau)) * (1.0 - np.exp(-k * tau)) / k
-    expected = np.zeros(9)
-    for n in range(9 - ticks - 1):
-        expected[n + ticks + 1] += first * np.exp(-k * period * n)
-        if n + ticks + 2 < 9:
-            expected[n + ticks + 2] += then * np.exp(-k * period * n)
-    np.testing.assert_allclose(answer, expected, atol=1e-14)
-
-
 @pytest.mark.parametrize("latency", [0.0, 0.002, 0.0047])
 def test_its_response_is_that_of_what_it_samples(latency):
     """But for the gain of a hold, sin x / x, whose phase is among the delays; and that of az.
@@ -154,7 +128,6 @@ def test_a_model_that_leads_a_little_is_read_later():
 
 @pytest.fixture(scope="module")
 def fit(yaw):
-    """A fit of two parameters, given a third with an error, with a covariance of the test's."""
     structure = ident.structures.yaw_base.with_fixed({"tau_r_base": 0.05}, {"tau_r_base": 0.002})
     carried, own = np.array([[0.03], [-0.5]]), np.array([[0.01, 0.06], [0.06, 4.0]])
     found = ident.identify(yaw.response(OMEGA), structure)
@@ -206,7 +179,6 @@ def test_a_broken_loop_is_the_vehicles(jr700, exact, axis):
 
 
 def test_commands_poles_and_steps_are_the_closed_systems(jr700, exact):
-    """Against the system from the sticks that `Vehicle.linearize` closes by itself."""
     whole = jr700.linearize("IN2")
     point = np.exp(1j * exact.frequency * whole.system.dt)
     row = whole.system.output_labels.index("phi")

@@ -1,6 +1,5 @@
 """A proof: sweeps as large as stays linear, stops, comparisons, and what is missed."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,7 +12,6 @@ import helisim as hs
 from helisim.base.errors import InputError
 from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import (
-    GRID,
     LINEAR,
     SWEEPS,
     Proof,
@@ -30,23 +28,11 @@ from helisim.handling.criteria import Damping, StabilityMargins
 from helisim.handling.measured.margins import MeasuredLoop
 from helisim.handling.spec import Spec
 from helisim.records.record import IN1, IN2
-from helisim.records.storage import read_record
 from helisim.sim import FlightPlan, Pilot, Pulse, Recorder, Weather
 from own_laws import HOLDS
 from tabled import tabled
 
 TRUE = Recorder(noise={}, resolution={}, latency={})
-
-
-BARS = {
-    "crossover": (0.02, 0.0),
-    "phase_margin": (0.0, np.deg2rad(1.5)),
-    "gain_margin": (0.0, 0.3),
-    "drb": (0.03, 0.0),
-    "bandwidth": (0.03, 0.0),
-    "phase_delay": (0.0, 0.005),
-}
-"""By how much a figure may be off, as a share of it and in its unit."""
 
 
 @pytest.mark.parametrize("name", ["sticks_lat+lon", "sticks_ped"])
@@ -97,7 +83,6 @@ def test_a_comparison_has_what_each_loop_says_and_why_one_says_nothing():
 
 
 def test_what_is_at_its_stops_is_told(jr700):
-    """A pedal that is kicked to its stop for a tenth of the flight; else nothing is."""
     kick = Pulse(axis="ped", amplitude=0.5, trim_time=0.3, width=0.2, duration=2.0)
     plan = FlightPlan(excitation=kick, pilot=Pilot(remnant=0.0))
     assert stops(hands_off(jr700), plan)["PED"] == pytest.approx(0.1, abs=0.005)
@@ -107,7 +92,6 @@ def test_what_is_at_its_stops_is_told(jr700):
 
 
 def test_the_usual_is_told_whether_asked_or_not():
-    """Margins, rejection and bandwidth of each axis; what is asked keeps its own numbers."""
     own = Spec(StabilityMargins(axis="lat", at="sensors"), "hard")
     found = with_usual((own, Damping()), ("lat", "ped"))
     assert found[0] is own
@@ -120,46 +104,8 @@ def test_a_plan_of_nothing_is_refused():
         ProofPlan(repeats=0)
 
 
-def worst(proof):
-    found = []
-    for row in proof.table:
-        for name, flown in row.intervals.items():
-            if name in BARS:
-                share, least = BARS[name]
-                exact = row.exact.figures[name]
-                off = abs(flown.value - exact) / (share * exact + least)
-                found.append((off, row.spec.criterion.name, row.spec.criterion.axis, name))
-    assert len(found) == 18  # three margins' figures, DRB, bandwidth and delay of three axes
-    return max(found)
-
-
-@pytest.mark.study
-def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
-    """Of a law that holds attitude: every figure to a third of its bar, records on disk."""
-    plan = ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
-    flies = hands_off(jr700).with_controller(HOLDS)
-    proof = prove(jr700, HOLDS, predicted=exact_loop(flies, GRID), plan=plan)
-    off, *which = worst(proof)
-    # 0.2 is measured, of yaw's gain margin, 27 dB at the end of the band
-    assert off < 0.35, which
-    assert not proof.stops
-    assert all(row.predicted == row.exact for row in proof.table)
-    proof.write(tmp_path)
-    content = json.loads((tmp_path / "proof.json").read_text())
-    assert len(content["table"]) == 9
-    gust, before = (read_record(tmp_path / f"{name}gust.parquet") for name in ("", "before_"))
-    assert gust.provenance["weather"] == before.provenance["weather"]
-    # an attitude controller and a rate gyro answer differently to what is the same gust
-    assert np.ptp(gust["air_u"]) == pytest.approx(np.ptp(before["air_u"]), rel=0.05)
-    assert np.abs(gust["phi"] - before["phi"]).max() > 0.005
-    assert len(list(tmp_path.glob("actuators_*"))) == sum(
-        wave.at == "actuators" for wave in SWEEPS.values()
-    )
-
-
 @pytest.fixture(scope="module")
 def short(jr700):
-    """A proof by two short sweeps of yaw alone, as one records it without noise."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("actuators_ped", "sensors_ped"):
             few = {"period": 8.0, "duration": 26.0, "band": (4.0, 80.0)}
@@ -171,7 +117,6 @@ def short(jr700):
 
 
 def test_a_short_proof_has_the_exact_figures_of_what_it_swept(short):
-    """Within the bars, the gain margin aside, which an octave of the end of the band shows."""
     off = {
         name: abs(flown.value / row.exact.figures[name] - 1.0)
         for row in short.table

@@ -46,7 +46,6 @@ HERE = Path(sys.executable).parent
 
 
 def blocks(page):
-    """Yield note, language and text of each fenced block of a page."""
     for found in BLOCK.finditer(page.read_text(encoding="utf-8")):
         yield found["note"] or "", found["language"], found["text"]
 
@@ -102,7 +101,6 @@ RUNNING = [
 
 
 def run(script, folder):
-    """Run a script of bash in a folder, and return what it printed."""
     environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}
     for part in ("scripts", "models"):
         (folder / part).symlink_to(ROOT / part)
@@ -147,7 +145,6 @@ def test_a_page_shows_what_its_command_prints(command, text, tmp_path, monkeypat
 
 @pytest.mark.study
 def test_the_lqg_law_of_the_page_is_stable_and_flies_as_predicted(tmp_path, monkeypatch):
-    """Crossovers of the plant's loops within 0.5 % of the exact ones, and no pole that grows."""
     monkeypatch.chdir(tmp_path)
     program(ROOT / "docs" / "extend" / "lqg.md", tmp_path)
     made = runpy.run_path("snippet_1.py")
@@ -202,7 +199,6 @@ def test_the_readme_is_short_and_each_door_takes_at_most_ten_lines():
 
 
 def test_the_command_of_the_page_works(tmp_path, monkeypatch, capsys):
-    """A function that is listed is a command: the one that the page shows."""
     program(ROOT / "docs" / "extend" / "command.md", tmp_path)
     monkeypatch.setattr(cli, "__path__", [*cli.__path__, str(tmp_path)])
     monkeypatch.setitem(cli._COMMANDS, "mass", "mass")

@@ -43,19 +43,16 @@ CAMPAIGN = {
 
 
 def read_a_log(path, column="gyro", map_=None):
-    """Read a log with all repairs that change no meaning."""
     repair = sorted(set(REPAIRS) - {"resets"})
     channels = map_ or {"p": Column(column, "rad/s")}
     return [one.values for one in hs.read_log(path, channels=channels, repair=repair).records]
 
 
 def read_sweeps(path):
-    """Read the sweeps of a log of SystemID."""
     return [record.values for log in infer(path).read() for record in log.records]
 
 
 def read_all_messages(path):
-    """Read every type, field, parameter and text of a log, then what is mapped."""
     log = DataFlash(path)
     for table in (log.table(name, k) for name in log.types for k in log.instances(name)):
         assert all(len(table[field]) == len(table) for field in table.columns)
@@ -82,12 +79,13 @@ READERS = {
     "sweeps": ("sweeps.bin", read_sweeps),
     "blackbox": ("log.bbl", partial(read_a_log, column="gyroADC[0]")),
     "ulog": ("log.ulg", partial(read_a_log, column="gyro.xyz")),
+    "look": ("other.csv", lambda path: str(hs.look(path))),
+    "look at ulog": ("log.ulg", lambda path: str(hs.look(path))),
 }
 
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory, jr700):
-    """Return the folder of sound files, one of each format."""
     folder = tmp_path_factory.mktemp("sound")
     moved = np.random.default_rng(1).normal(size=(400, 2))
     flight = FlightRecord(0.05 * np.arange(400), moved, (channel("lat"), channel("p")), {"seed": 1})
@@ -140,7 +138,6 @@ def sound(tmp_path_factory, jr700):
 
 
 def changed(data, random_):
-    """Change plain data at one place: another value, a key renamed, one that is left out."""
     places = list(walk(data))
     holder, key = random_.choice(places)
     way = random_.random()
@@ -154,7 +151,6 @@ def changed(data, random_):
 
 
 def walk(data):
-    """Yield each place in plain data: what holds it, and its key or index."""
     for key, one in data.items() if isinstance(data, dict) else enumerate(data):
         yield data, key
         if isinstance(one, dict | list):
@@ -162,7 +158,6 @@ def walk(data):
 
 
 def spoiled(content, random_):
-    """Change, cut out or repeat a few bytes."""
     data = bytearray(content)
     for _ in range(random_.randint(1, 4)):
         k = random_.randrange(len(data) + 1)
@@ -179,7 +174,6 @@ def spoiled(content, random_):
 
 
 def mutated(path, seed):
-    """Return the bytes of a file that is changed: in its structure where it has one."""
     random_ = random.Random(f"{path.name} {seed}")
     content = path.read_bytes()
     if path.name == "record.parquet" and seed % 2:
@@ -203,7 +197,6 @@ def in_toml(data):
 
 
 def spoil_metadata(path, random_):
-    """Change the JSON in a Parquet file's metadata."""
     table = pq.read_table(path)
     header = changed(json.loads(table.schema.metadata[b"helisim"]), random_)
     pq.write_table(table.replace_schema_metadata({b"helisim": json.dumps(header)}), path)

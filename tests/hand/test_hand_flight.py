@@ -19,7 +19,6 @@ from off_screen import Clock
 
 @pytest.fixture(scope="module")
 def hovering(jr700):
-    """One flight for tests that reset it."""
     return HandFlight(jr700)
 
 
@@ -226,8 +225,6 @@ def flight(jr700):
 
 @pytest.fixture
 def fly(flight, tmp_path):
-    """Fly a script and return the cockpit and the window."""
-
     def flown(script=(), *, sticks=None, seconds=1e9, assist="hover", **window):
         flight.reset()
         flight.assist = assist
@@ -260,15 +257,6 @@ def test_keys_fly_and_record(fly, tmp_path):
     assert all(readout["lon"] == "-35 %" for readout in shown)
     assert all(float(readout["recorded"].split()[0]) > 0.9 for readout in shown)
     assert any("written" in text and "hand.parquet" in text for text in seen.messages())
-
-
-@pytest.mark.slow
-def test_a_second_of_the_clock_is_a_second_of_flight(fly, flight, jr700):
-    fly([tap(0.5, "p"), tap(1.5, "p")], seconds=2.0)
-    assert flight.time == pytest.approx(1.0, abs=0.1)
-    alone = HandFlight(jr700)
-    alone.fly(flight.time)
-    np.testing.assert_array_equal(alone.data.qpos, flight.data.qpos)
 
 
 @pytest.mark.slow
@@ -363,7 +351,6 @@ def test_modes_are_those_of_transmitters(mode, left, right):
 
 
 def test_channels_of_a_transmitter_and_a_gamepad_and_how_they_feel():
-    """TAER: throttle first, and it stays. Beyond 0.02 of rest the others are softer: expo 0.3."""
     radio = Sticks(RADIO, order="taer")
     found = radio.deflection((), (0.7, 0.51, 0.01, -1.0), 1.0, climbs=False)
     assert found == pytest.approx(Deflection(col=0.7, lat=0.7 * 0.5 + 0.3 / 8.0, lon=0.0, ped=-1.0))
@@ -378,7 +365,6 @@ def test_channels_of_a_transmitter_and_a_gamepad_and_how_they_feel():
 
 
 def glfw(*there):
-    """Return GLFW with joysticks."""
     names = {one.number: one.name for one in there}
     pads = [one.number for one in there if one.is_gamepad]
     state = SimpleNamespace(axes=(0.1, 0.2, 0.3, 0.4, -1.0, -1.0))

@@ -46,7 +46,6 @@ np.save("pictures.npy", np.array([pictures[0], pictures[len(pictures) // 2]]))
 
 
 def test_keys_of_a_real_window_fly_and_no_joystick_is_said(tmp_path):
-    """A held arrow flies forward, let go not; R records; Escape leaves; no joystick: one line."""
     done = on_display(tmp_path, sys.executable, "-c", FLOWN)
     assert done.returncode == 0, done.stderr
     record = read_record(tmp_path / "hand.parquet")

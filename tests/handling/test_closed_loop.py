@@ -119,7 +119,6 @@ OMEGA = np.geomspace(0.5, 100.0, 30)
 
 @pytest.fixture(scope="module")
 def loop():
-    """Yaw and heave with a law of random matrices that sees and moves both."""
     yaw = fitted(ident.structures.yaw_base, N_r=-0.8, N_ped=48.0, tau_r_base=0.014)
     heave = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-40.0, tau_col=0.0107)
     plant = hs.Plant((yaw, heave), latency=0.004)

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
-from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError
 from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.interval import figures_of, interval
 from helisim.handling.measured.margins import (
@@ -70,7 +70,6 @@ def test_without_noise_the_loop_is_exact():
 
 @pytest.fixture(scope="module")
 def coupled():
-    """Two loops excited together; the other's injected signal shows in this one's."""
     one, other = (
         flown(known_loop(), seed=k, noise=0.02, name=n) for k, n in ((1, "lat"), (2, "lon"))
     )
@@ -82,7 +81,6 @@ def coupled():
 
 
 def test_axes_that_are_swept_at_once_are_told_apart(coupled):
-    """S_ii has the other's reference taken out."""
     found = hs.margins(coupled, **CROSSOVER)
     _, phase, _, _ = control.margin(known_loop())
     assert abs(found.figure("phase_margin", "lat").value - phase) < 2.0
@@ -158,7 +156,6 @@ def test_a_signal_that_hardly_moves_is_at_rest(more):
 
 
 def test_records_that_share_a_signal_are_estimated_together():
-    """Through others too; one without any is left."""
     assert _groups([("a",), ("c",), ("a", "b"), (), ("b",)]) == [
         (("a", "b"), [0, 2, 4]),
         (("c",), [1]),
@@ -196,7 +193,6 @@ def test_what_is_doubtful_of_a_record_is_told():
 
 
 def test_sticks_alone_give_no_loop_and_the_remark_says_so():
-    """A pilot's sweep: the answer to the stick, and that margins can't be had."""
     time = np.arange(0.0, 60.0, PERIOD)
     stick = chirp(60.0, (1.0, 40.0), 0.1)
     answer = control.forced_response(control.tf([60.0], [1.0, 12.0, 60.0]), time, stick).outputs
@@ -344,7 +340,6 @@ def test_names_of_channels_say_where_loops_are_cut():
 
 
 def test_a_signal_that_one_record_lacks_is_told():
-    """The sum was recorded in another flight alone, so the loop of this one isn't known."""
     record = flown(known_loop(), seed=3, noise=0.05)
     channels = tuple(one for one in record.channels if one.name != "lat_sum")
     values = record.select([one.name for one in channels])
@@ -355,33 +350,10 @@ def test_a_signal_that_one_record_lacks_is_told():
     assert "lat_sum was not recorded, or rested, while lat_disturbance was moved" in found.remarks
 
 
-def test_what_cannot_be_is_said(measured):
-    record = flown(known_loop(), seed=3, noise=0.05)
-    with pytest.raises(InputError, match="what follows 'a' is not said"):
-        hs.Cut("lat", "actuators", "a")
-    with pytest.raises(UnknownNameError, match="available: actuators, sensors"):
-        hs.Cut("lat", "wings", "a", "b")
-    with pytest.raises(UnknownNameError, match="place of a cut 'wings'"):
-        hs.margins(record, at="wings")
-    with pytest.raises(UnknownNameError, match="'foo'"):
-        hs.margins(record, cuts=hs.Cut("lat", "actuators", "foo", "lat_sum"))
-    with pytest.raises(UnknownNameError, match=r"'rol'; .*did you mean roll"):
-        hs.margins(record, axes="rol")
-    still = FlightRecord(record.time, 0.0 * record.values, record.channels, {})
-    with pytest.raises(IdentificationError, match="nothing was injected"):
-        hs.margins(still)
-    for wrong, words in (
-        (
-            {"late": {"lat": np.inf}},
-            r"late\.lat must be a finite number above -10 and below 10 s, got inf",
-        ),
-        ({"late": {"lat": -10.0}}, "below 10 s, got -10"),
-        ({"draws": 1}, "draws must be an integer 2 or more and at most 20000, got 1"),
-        ({"draws": 20_001}, "got 20001"),
-    ):
-        with pytest.raises(InputError, match=words):
-            hs.margins(record, **wrong)
-    with pytest.raises(InputError, match="no records were given"):
-        hs.margins([])
-    with pytest.raises(UnknownNameError, match="DRB lon sensors"):
-        measured.figure("DRB", "lon", "sensors")
+RECORD = flown(known_loop(), seed=3, noise=0.05)
+
+
+@tabled("ask", "error", "words")
+def test_what_cannot_be_is_said(measured, ask, error, words):
+    with pytest.raises(error, match=words):
+        ask(measured)

@@ -46,7 +46,6 @@ def test_every_criterion_is_read_as_it_was_written(tmp_path):
 
 
 def test_what_people_write_is_read(tmp_path):
-    """A scale for all, words for axes, degrees where a name says so, whole numbers."""
     path = tmp_path / "specs.toml"
     path.write_text(
         'scale = 9\n[[spec]]\ncriterion = "stability_margins"\naxis = "roll"\nkind = "hard"\n'
@@ -145,7 +144,6 @@ NAMES = [f"{one.name} {k}" for k, one in enumerate(ALL)]
 
 
 def loops():
-    """Loops from far too slow to unstable: gains over five decades, and a delay."""
     for gain in np.geomspace(1e-3, 1e2, 16):
         yield AttitudeLoop(k=0.4 * gain, k_rate=0.12 * gain, delay=0.02)
     yield AttitudeLoop(k_rate=-0.05, delay=0.02)
@@ -162,7 +160,6 @@ def worst_level(rating):
 
 @pytest.mark.parametrize("criterion", ALL, ids=NAMES)
 def test_ratings_are_finite_and_agree_with_the_borders(criterion):
-    """Whatever the loop, the level is that of the borders, and that of the distance."""
     levels = set()
     for loop in loops():
         rating = replace(criterion, scale=10.7).rate(loop)
@@ -210,16 +207,7 @@ def test_distances_change_little_where_the_loop_does(criterion):
     assert min(found.max(), 4.0 * finer.max()) < 0.5, gains[steepest]
 
 
-@pytest.mark.parametrize(
-    ("criterion", "words"),
-    [
-        (criteria.StabilityMargins(axis="lat"), "crossover is extended"),
-        (criteria.Crossover(axis="lat", frequency=Limit(6.0, 3.0)), "extended"),
-        (criteria.DisturbanceRejection(axis="lat"), "DRB is extended"),
-        (criteria.AttitudeBandwidth(axis="lat"), "what is missing was continued"),
-    ],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("criterion", "words")
 def test_what_lies_outside_of_the_band_is_remarked(criterion, words):
     narrow = AttitudeLoop(delay=0.02, frequency=tuple(np.geomspace(0.05, 0.5, 60)))
     assert words in criterion.rate(narrow).remark
@@ -254,7 +242,6 @@ def test_what_cannot_be_asked_is_said(make, words):
 
 @pytest.mark.parametrize("criterion", ALL, ids=NAMES)
 def test_times_frequencies_and_sizes_are_above_0(criterion):
-    """But the lower end of a band of poles, which may be 0."""
     least = {"low": -1e-9} if criterion.name == "damping" else {}
     for name in (name for name, value in vars(criterion).items() if type(value) is float):
         with pytest.raises(InputError):

@@ -40,7 +40,6 @@ def alone(block):
 
 
 def test_blocks_have_their_closed_forms():
-    """The lag, the servo and the delay as written; scipy's Butterworth filters of each order."""
     assert alone(SERVO) == pytest.approx(SERVO_RESPONSE, rel=1e-12)
     assert alone(blocks.first_order(tau=0.1)) == pytest.approx(1.0 / (1.0 + 0.1 * S), rel=1e-12)
     assert alone(blocks.delay(tau=0.03)) == pytest.approx(np.exp(-0.03 * S), rel=1e-12)
@@ -52,7 +51,6 @@ def test_blocks_have_their_closed_forms():
 
 @pytest.mark.parametrize("plant", [rollpitch, hover_imu, heave_inflow], ids=lambda one: one.name)
 def test_series_multiply_the_response(plant):
-    """An input's block multiplies its column, an output's its row."""
     rng = np.random.default_rng(4)
     values = {one.name: one.start or 0.1 * rng.normal() for one in plant.parameters}
     inner = response(plant, values, GRID)
@@ -72,7 +70,6 @@ def test_series_multiply_the_response(plant):
 
 
 def test_one_servo_for_two_inputs_has_one_natural_frequency():
-    """Blocks of one name share their parameters; two of one name that differ are refused."""
     made = in_series(rollpitch, inputs={"lat": SERVO, "lon": SERVO})
     assert made.names == (*rollpitch.names, "servo_omega", "servo_zeta")
     assert len(made.states) == len(rollpitch.states) + 4
@@ -97,7 +94,6 @@ def test_a_known_servo_is_taken_out_and_its_error_carried_through():
 
 
 def test_blocks_are_read_from_words():
-    """Numbers with and without errors; what is left out is free; two signals share one."""
     made = blocks.with_blocks(
         rollpitch,
         {"lat,lon": "second_order:omega=62+-1,zeta=0.7", "p": "low_pass:corner=40,order=4"},
@@ -124,7 +120,6 @@ def test_blocks_are_read_from_words():
 
 
 def test_what_cannot_be_in_series_is_refused():
-    """A block of two inputs, and an input that isn't there."""
     with pytest.raises(InputError, match="has 2 inputs and 2 outputs"):
         in_series(rollpitch, inputs={"lat": rollpitch})
     with pytest.raises(UnknownNameError, match="input of 'rollpitch' 'col'"):
@@ -132,7 +127,6 @@ def test_what_cannot_be_in_series_is_refused():
 
 
 def test_a_file_has_its_blocks_in_a_table(tmp_path):
-    """[series] of a structure's file is `with_blocks`; what it wrote reads back as it is."""
     path = tmp_path / "yaw.toml"
     path.write_text(
         yaw_base.to_toml() + '\n[series]\nped = "second_order:omega=60+-1,zeta=0.7,name=servo"\n'
@@ -185,7 +179,6 @@ def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
 
 
 def test_servos_become_delays():
-    """What the file has no state for stands in what it has, and is said."""
     servo = blocks.second_order("swash", omega=200.0, zeta=0.7)
     structure = in_series(structures.rollpitch, inputs={"lat": servo, "lon": servo})
     own = values_of(published("blade360")["rollpitch_in1"]) | {"tau_lon": 0.041}
@@ -201,7 +194,6 @@ def test_servos_become_delays():
 
 
 def test_a_model_of_a_fit_has_the_vehicles_numbers():
-    """Revolutions a minute, degrees, and collective as shares; a negative one is refused."""
     heave = fitted(structures.heave, HEAVE)
     made = ArduPilotModel.of([heave], full={"col": 1.0}, **HOVER)
     assert made.values["Zw"] == pytest.approx(HEAVE["Z_w"])
@@ -214,7 +206,6 @@ def test_a_model_of_a_fit_has_the_vehicles_numbers():
 
 
 def test_what_no_flight_says_is_asked_for_and_flights_apart_are_told():
-    """Full travel, rotor speed and the hover; of a record of helisim's own all are known."""
     heave = fitted(structures.heave, HEAVE)
     with pytest.raises(InputError, match=r"travel of col of heave; .*speed .*collective .*lean"):
         ArduPilotModel.of([heave])
@@ -252,13 +243,11 @@ ORDER = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
 
 @tabled("parts", "message")
 def test_model_that_has_no_place_says_which_number(parts, message):
-    """Nothing is lost without a word."""
     with pytest.raises(InputError, match=message):
         numbers_of([(*part, HALF) for part in parts], late={})
 
 
 def test_other_commands_and_numbers_are_checked():
-    """A number or a command that doesn't exist is refused."""
     with pytest.raises(UnknownNameError, match=r"'Lb1'.*did you mean Lb1s"):
         ArduPilotModel({"Lb1": 1.0})
     with pytest.raises(UnknownNameError, match="'roll'"):
@@ -279,7 +268,6 @@ YAW = replace(gusts.TRUTHS["yaw"], length=60.0, count=2)
 
 @pytest.fixture(scope="module")
 def records():
-    """One set of sweeps in gusts that go round the loop."""
     return gusts.fly(YAW, 0)[0]
 
 
@@ -361,23 +349,8 @@ def test_the_bias_that_noise_in_a_loop_makes_is_measured():
     assert np.mean(noise.surprise) < 3.0  # exponential: one of 7 in 10 million
 
 
-@pytest.mark.study
-def test_intervals_of_joint_estimates_hold_an_unstable_hover_in_gusts():
-    truth = gusts.TRUTHS["hover"]
-    flown = gusts.fly(truth, 5, 12)
-    joint = [gusts.estimated(truth, records, reference=True) for records in flown]
-    _, gap, error = gusts.errors(truth, joint)
-    # of 60 intervals of 95 %, 51 hold the truth but for one time in 3000
-    assert np.mean(np.abs(gap) <= 1.96 * error) >= 0.85
-    assert [fit.verdict.word for fit in joint].count("sound") >= 10
-    direct = [gusts.estimated(truth, records, reference=False) for records in flown]
-    harmful = gusts.wrong(*gusts.errors(truth, direct))
-    assert "sound" not in [fit.verdict.word for fit, bad in zip(direct, harmful) if bad]
-
-
 @pytest.mark.slow
 def test_gusts_in_a_loop_leave_the_sticks_the_reference(tmp_path, capsys):
-    """Gusts that come back are coherent with the input, and make the sticks look idle."""
     (records,) = gusts.fly(replace(YAW, gust=(2.4, 0.5, {"r": 1.0})), 0)
     logs = [str(write_record(one, tmp_path / f"{k}.parquet")) for k, one in enumerate(records)]
     status = main(["identify", *logs, "--structure", "yaw_base", "--quiet"])

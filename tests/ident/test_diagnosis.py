@@ -42,7 +42,6 @@ def order(zeros, poles):
 
 @tabled("plant", "noise", "fitted", "advised")
 def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised):
-    """A pole far away, on a zero, a coefficient not seen: the true order is advised."""
     fit = identify(measured(*plant, noise), order(*fitted))
     assert f"fit {advised} instead" in fit.degenerate[0]
     assert fit.degenerate[0] in str(fit)
@@ -53,14 +52,12 @@ def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, 
 
 @pytest.mark.parametrize(("plant", "fitted"), [(INTEGRATOR, (0, 1)), (MODE, (0, 2))])
 def test_the_right_order_and_too_low_a_one_are_not_degenerate(plant, fitted):
-    """An integrator's pole is not known to its own size, yet needed; so is all of too low one."""
     fit = identify(measured(*plant), order(*fitted))
     assert fit.degenerate == ()
     assert fit["tau"].support != "degenerate"
 
 
 def test_a_lag_beyond_the_band_is_degenerate_in_any_structure():
-    """T without any effect is named, and the delay that stands in for it is no longer good."""
     lagging = Structure(
         name="lagging",
         parameters=(
@@ -112,7 +109,6 @@ BAND = np.geomspace(1.0, 20.0, 60)
 
 
 def roll(gains=None):
-    """Return the structure of rate and angle over one control: the angle is the rate's integral."""
     return Structure(
         name="roll",
         meaning="roll rate and angle over lateral control",
@@ -131,7 +127,6 @@ def roll(gains=None):
 
 
 def rolled(p=1.0, phi=1.0, delay=0.04, swapped=False):
-    """Return the roll's exact response in closed form, each output times a factor."""
     rate = 90.0 * np.exp(-1j * BAND * delay) / (1j * BAND + 6.0)
     rows = [p * rate, phi * rate / (1j * BAND)]
     names = {"inputs": ("lat",), "outputs": ("p", "phi"), "output_units": ("rad/s", "rad")}
@@ -139,7 +134,6 @@ def rolled(p=1.0, phi=1.0, delay=0.04, swapped=False):
 
 
 def causes(frf, structure):
-    """Return kind and options of what is suspected of a fit that must fail."""
     fit = identify(frf, structure)
     assert not fit.acceptable
     found = suspicions(fit)
@@ -147,7 +141,6 @@ def causes(frf, structure):
 
 
 def test_an_acceptable_fit_is_not_suspected():
-    """Nor is one whose factor a free gain takes up."""
     for frf in (rolled(), rolled(p=57.3, phi=57.3)):
         fit = identify(frf, roll())
         assert fit.acceptable
@@ -160,7 +153,6 @@ UNIT, P, PHI = "unit", "channel p=COLUMN", "channel phi=COLUMN"
 
 @tabled("frf", "structure", "expected", "said")
 def test_what_is_wrong_with_data_is_told(frf, structure, expected, said):
-    """Either unit would make them fit, so both are told; a sign first, with the options' kind."""
     found, notes = causes(frf, structure)
     assert expected <= set(found)
     assert {kind for kind, *_ in found} == {kind for kind, *_ in expected}
@@ -193,7 +185,6 @@ def fit():
 
 @pytest.fixture(scope="module")
 def unseen():
-    """A fit with a parameter that the data do not see: its bounds are infinite."""
     heave = structures.heave
     parameters = (*heave.parameters, Parameter("Z_q", "1", 1.0))
     structure = replace(heave, parameters=parameters, F=(("Z_w + 0*Z_q",),))
@@ -207,7 +198,6 @@ def wobbly():
 
 @pytest.mark.parametrize("which", ["fit", "unseen"])
 def test_a_fit_survives_json_without_loss(which, request, tmp_path):
-    """What is read back is the same to the last bit, and gives the same model and table."""
     one = request.getfixturevalue(which)
     plain = one.to_dict()
     again = Fit.from_dict(json.loads(json.dumps(plain, allow_nan=False)))
@@ -224,7 +214,6 @@ def test_a_fit_survives_json_without_loss(which, request, tmp_path):
 
 
 def test_the_result_is_a_named_model_that_can_not_be_changed(fit):
-    """A state space with names, its delays beside, and a response as it was measured."""
     assert fit.model.state_labels == ["p", "q", "a", "b"]
     assert fit.model.input_labels == ["lat", "lon"]
     assert fit.delays["lon"] == fit["tau_lon"].value
@@ -239,7 +228,6 @@ def test_the_result_is_a_named_model_that_can_not_be_changed(fit):
 
 
 def test_provenance_says_from_what_and_with_what(fit):
-    """Records, windows, band, method and program versions go with a fit."""
     provenance = fit.provenance
     assert provenance["method"] == "direct"
     assert provenance["band_rad_s"] == pytest.approx([1.0, 40.0])
@@ -251,7 +239,6 @@ def test_provenance_says_from_what_and_with_what(fit):
 
 @pytest.mark.parametrize("key", ["structure", "parameters", "correlation", "costs", "data"])
 def test_a_damaged_fit_is_refused(fit, key, tmp_path):
-    """A missing or mistyped part ends in a message that names the file and the part."""
     plain = fit.to_dict()
     path = tmp_path / "fit.json"
     path.write_text(json.dumps({name: item for name, item in plain.items() if name != key}))
@@ -264,7 +251,6 @@ def test_a_damaged_fit_is_refused(fit, key, tmp_path):
 
 @tabled("path", "wrong", "message")
 def test_what_a_fit_holds_is_checked(fit, path, wrong, message):
-    """Text for a number, a name that isn't there, a row too short."""
     plain = copy.deepcopy(fit.to_dict())
     inner = plain
     for key in path[:-1]:
@@ -275,7 +261,6 @@ def test_what_a_fit_holds_is_checked(fit, path, wrong, message):
 
 
 def test_what_is_no_fit_is_refused(tmp_path, fit):
-    """Another JSON file, no JSON and no file are told apart."""
     path = tmp_path / "other.json"
     for text, error, message in (
         ('{"format": "else"}', InputError, r"other\.json: this isn't a fit.*'else'"),
@@ -292,7 +277,6 @@ def test_what_is_no_fit_is_refused(tmp_path, fit):
 
 
 def test_the_table_states_each_response_its_band_and_the_support(wobbly):
-    """A line a parameter, a line a response, and the average with its word."""
     lines = str(wobbly).splitlines()
     (pair,) = wobbly.costs
     low, high = wobbly.bands[pair]
@@ -312,7 +296,6 @@ def test_the_table_states_each_response_its_band_and_the_support(wobbly):
 
 
 def test_only_responses_that_cost_more_than_50_are_explained(fit):
-    """Of a fit that isn't acceptable; here by their coherence."""
     doubted = replace(fit.data, coherence=np.full_like(fit.data.coherence, 0.7))
     for high, told in (({"p/lat": 300.0, "q/lon": 50.0}, ["p/lat"]), ({"p/lat": 200.0}, [])):
         found = replace(fit, data=doubted, costs=dict.fromkeys(fit.costs, 10.0) | high)
@@ -320,7 +303,6 @@ def test_only_responses_that_cost_more_than_50_are_explained(fit):
 
 
 def test_support_names_whom_a_parameter_is_correlated_with(wobbly):
-    """Pairs once each, in both directions, and nobody where none exceeds nine tenths."""
     names = [parameter.name for parameter in wobbly.structure.free]
     assert replace(wobbly, correlation=np.eye(3)).correlated == ()
     tied = np.eye(3)

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import StateSpace, freqresp
 from test_structures import GOOD
 
 from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident.evaluate import Sensitivity, linear, response
 from ident_data import response_and_slope, slopes
+from tabled import tabled
 
 GRID = np.geomspace(0.5, 20.0, 15)
 
@@ -46,20 +46,7 @@ def test_equal_lags_are_their_transfer_function():
         np.testing.assert_allclose(slope[1, 0, 0], 1 / (t * s + 1) ** 2, rtol=1e-13)
 
 
-@pytest.mark.filterwarnings("ignore:Badly conditioned filter")  # of scipy's polynomials
-def test_a_state_space_of_scipy_has_the_same_response():
-    """An outside program's response of the rigid body with flapping."""
-    values = near_starts(structures.rollpitch)
-    numbers = structures.rollpitch.matrices(values)
-    a, b = (np.linalg.solve(numbers["M"], numbers[x]) for x in "FG")
-    found = response(structures.rollpitch, {**values, "tau_lat": 0.0, "tau_lon": 0.0}, GRID)
-    for o, i in np.ndindex(2, 2):
-        _, expected = freqresp(StateSpace(a, b[:, [i]], np.eye(4)[[o]], np.zeros((1, 1))), GRID)
-        np.testing.assert_allclose(found[o, i], expected, rtol=1e-9)
-
-
 def test_points_are_those_of_the_whole_response():
-    """In any order, any pair, any frequency twice; a scale multiplies each point's slopes."""
     structure, values = structures.hover, near_starts(structures.hover)
     total, slope = response_and_slope(structure, values, GRID)
     random = np.random.default_rng(5)
@@ -72,7 +59,6 @@ def test_points_are_those_of_the_whole_response():
 
 
 def test_a_parameter_that_stands_nowhere_has_no_slope_and_one_without_a_value_is_named():
-    """Zero, not what stood in the array before; with the names that there are."""
     idle = replace(JORDAN, parameters=(Parameter("idle", "1", 1.0), *JORDAN.parameters))
     _, slope = response_and_slope(idle, {"idle": 3.0, "T": 0.1, "K": 2.0}, GRID)
     np.testing.assert_array_equal(slope[0], np.zeros((1, 1, GRID.size)))
@@ -81,7 +67,6 @@ def test_a_parameter_that_stands_nowhere_has_no_slope_and_one_without_a_value_is
 
 
 def test_what_is_undefined_is_not_finite():
-    """A division by zero in F or in G, and a pencil that is singular at every frequency."""
     for change, values in (
         ({"F": (("1/K", "0"), ("1", "-1"))}, {"T": 0.1, "K": 0.0}),
         ({"G": (("1/K",), ("0",))}, {"T": 0.1, "K": 0.0}),
@@ -111,20 +96,14 @@ SIDE = Structure.from_dict(tomllib.loads(GOOD))
 """With H1, D, delays on both sides and a tied parameter."""
 
 
-@pytest.mark.parametrize(
-    ("structure", "values"),
-    [(SIDE, SIDE.starts), (LATE, LATE.starts)],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("structure", "values")
 def test_derivatives_through_every_matrix_and_delay_are_exact(structure, values):
-    """M, H1, D and delays of either sign, of inputs and outputs."""
     _, slope = response_and_slope(structure, values, WIDE)
     # the square of the step, and rounding of 1e-16 over it
     np.testing.assert_allclose(slope, slopes(structure, values, WIDE), rtol=1e-6, atol=2e-6)
 
 
 def test_delays_turn_the_phase():
-    """exp(-j w tau) of the output times that of the input."""
     late = {**LATE.starts, "tau_in": 0.0, "tau_p": 0.0, "tau_q": 0.0}
     lag = np.array([[0.03 + 0.04, 0.03], [-0.02 + 0.04, -0.02]])
     expected = response(LATE, late, GRID) * np.exp(-1j * lag[:, :, None] * GRID)

@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import plants
 import pytest
 
 from helisim.base.errors import InputError
@@ -54,7 +53,6 @@ def test_pure_gain_has_the_closed_form_accuracy():
 
 
 def test_printed_cost_is_the_average_and_accuracy_uses_the_sum():
-    """Two responses of the same gain halve the variance but leave the average cost alone."""
     two = gain(inputs=("lat", "lon"))
     frf = of_model(two, {"K": 2.0})
     assert identify(frf, two)["K"].insensitivity_percent == pytest.approx(
@@ -70,22 +68,8 @@ def cost_of(frf, structure):
     return Cost(structure, select(frf, structure, band=None, responses=None, count=20))
 
 
-@pytest.mark.slow
-def test_standard_error_is_the_scatter_of_replicates():
-    """The residual-scaled standard error is the scatter; the Cramér-Rao bound is not scaled."""
-    fits = [
-        fitted(structures.yaw_base, YAW, noise=0.03, seed=seed, searches=1) for seed in range(120)
-    ]
-    found = [[one.value for one in fit.parameters.values()] for fit in fits]
-    stated = [[one.standard_error for one in fit.parameters.values()] for fit in fits]
-    # 120 replicates know a scatter to 6.5 %, so three sigma are 20 %. The cost weighs dB and
-    # degrees by 0.01745 = 1/57.3, where equal errors would have (8.686/57.3)^2 = 1/43.5.
-    np.testing.assert_allclose(np.mean(stated, axis=0) / np.std(found, axis=0), 1.0, atol=0.25)
-
-
 @tabled("low", "high", "ends")
 def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, ends):
-    """Z_w = -0.8 ends at an edge that keeps it from there, and the verdicts say so."""
     free = structures.heave.with_bounds({"Z_w": None}).with_starts({"Z_w": 0.5 * (low + high)})
     fit = identify(of_model(structures.heave, HEAVE), free.with_bounds({"Z_w": (low, high)}))
     assert fit.at_bound == ends
@@ -93,7 +77,6 @@ def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, end
 
 
 def test_what_the_data_do_not_see_is_called_poor():
-    """Two parameters that only act as a product are unbounded, fully correlated and poor."""
     fit = identify(of_model(GAIN, {"K": 6.0}), gain(cell="a*b", names=("a", "b")))
     assert fit["a"].value * fit["b"].value == pytest.approx(6.0, rel=1e-6)
     assert [one.support for one in fit.parameters.values()] == ["degenerate"] * 2
@@ -102,7 +85,6 @@ def test_what_the_data_do_not_see_is_called_poor():
 
 
 def test_responses_that_can_not_be_fitted_are_left_out_and_named():
-    """One below the coherence limit, and those of zero, which have neither decibels nor a phase."""
     clean = of_model(structures.rollpitch, ROLLPITCH)
     coherence = clean.coherence.copy()
     coherence[0, 1] = 0.3
@@ -120,7 +102,6 @@ def test_responses_that_can_not_be_fitted_are_left_out_and_named():
 
 
 def test_a_response_that_the_structure_lacks_is_left_out_and_told():
-    """Chance makes p/col coherent; the others are found as if it weren't there."""
     apart = Structure(
         name="apart",
         parameters=tuple(
@@ -158,38 +139,21 @@ HOVER = {
 """Of the size of a small helicopter's; no published set."""
 INFLOW = {"Z_w": -0.9, "Z_col": -25.0, "tau_0": 0.05, "C": 0.6, "tau_col": 0.01}
 TURN = {"turn": 1.0 / 178.0}
-SLOPES = {**plants.ROLLPITCH_IN1, "C": 0.6, "tau_1": 0.03, **TURN, "torque": 0.02}
+SLOPES = {**ROLLPITCH, "C": 0.6, "tau_1": 0.03, **TURN, "torque": 0.02}
 HOVER_SLOPES = {
     **SLOPES, "X_u": -0.05, "X_a": -9.8, "Y_v": -0.15, "Y_b": 9.8, "L_u": -1.5, "L_v": -1.2,
     "M_u": 0.9, "M_v": -0.8,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("structure", "values", "band"),
-    [
-        (structures.hover, HOVER, (0.3, 30.0)),
-        (structures.hover_imu, HOVER, (0.3, 30.0)),
-        (structures.heave_inflow, INFLOW, (1.0, 60.0)),
-        (structures.rollpitch_inflow.with_fixed(TURN), SLOPES, (1.0, 60.0)),
-        pytest.param(
-            structures.hover_inflow.with_fixed(TURN),
-            HOVER_SLOPES,
-            (1.0, 60.0),
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=lambda one: getattr(one, "name", ""),
-)
+@tabled("structure", "values", "band")
 def test_large_structures_come_back_from_their_own_responses(structure, values, band):
-    """From exact responses every parameter is found to 0.1 %, the inflow's lag too."""
     fit = fitted(structure, values, np.geomspace(*band, 160), frequencies_per_response=40)
     assert fit.values == pytest.approx(values, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_exact_data_give_exact_parameters_from_any_seed(seed):
-    """The search finds the one minimum of exact roll-pitch data whatever its scattered starts."""
     fit = identify(of_model(structures.rollpitch, ROLLPITCH), structures.rollpitch, seed=seed)
     assert fit.values == pytest.approx(ROLLPITCH, rel=1e-4)  # the optimiser's tolerance
     assert fit.converged
@@ -197,7 +161,6 @@ def test_exact_data_give_exact_parameters_from_any_seed(seed):
 
 
 def test_a_delay_of_many_turns_is_unwrapped():
-    """A delay that turns the phase by more than two turns within the band is still found."""
     values = {"N_r": -0.7, "N_ped": -50.0, "tau_r_base": 0.28}
     fit = fitted(structures.yaw_base, values, np.geomspace(0.5, 60.0, 120))
     assert fit.values == pytest.approx(values, rel=1e-5)
@@ -205,7 +168,6 @@ def test_a_delay_of_many_turns_is_unwrapped():
 
 @tabled("structure", "options", "error", "message")
 def test_bad_calls_are_refused_with_advice(structure, options, error, message):
-    """Unknown responses, empty bands and bad numbers end in helisim's own errors."""
     with pytest.raises(error, match=message):
         identify(of_model(YAW_BASE, YAW), structure, **options)
 
@@ -235,7 +197,6 @@ def test_a_rational_fit_needs_no_start(tau):
 
 @pytest.mark.parametrize("given", [{"b1": 0.0, "a0": 0.0}, {"tau": 0.4}])
 def test_what_is_given_of_a_transfer_function_stays(given):
-    """With coefficients or the delay fixed, the rest is found without a start likewise."""
     truth = {"b1": 3.0, "b0": -2.0, "a1": 1.5, "a0": 4.0, "tau": 0.4} | given
     structure = structures.transfer_function(zeros=1, poles=2, input="u", output="y")
     found = curve((truth["b1"], truth["b0"]), (1.0, truth["a1"], truth["a0"]), truth["tau"])
@@ -245,7 +206,6 @@ def test_what_is_given_of_a_transfer_function_stays(given):
 
 @pytest.mark.parametrize(("case", "number"), [("1/2", 6), ("rollpitch", 2)])
 def test_random_systems_are_found(case, number):
-    """Some systems drawn from a seed of no other use, delays to 0.5 s."""
     assert study(case, 0.5, 77, number) == number
 
 
@@ -309,14 +269,12 @@ def yaw_data(found, **options):
 
 @pytest.fixture(scope="module")
 def known():
-    """A fit behind a servo whose lag has an error."""
     return identify(
         yaw_data(50.0 / (AT + 0.7) / (1.0 + 0.05 * AT), noise=0.01, seed=2), BEHIND_SERVO
     )
 
 
 def test_what_a_known_error_makes_of_the_others_is_what_fits_with_other_values_find(known):
-    """Fitted again with the lag a hundredth of its error up and down, the others move so."""
     exact = identify(known.data, BEHIND_SERVO.with_fixed({"lag": 0.05}))
     step = 1e-4
     ends = [
@@ -333,7 +291,6 @@ def test_what_a_known_error_makes_of_the_others_is_what_fits_with_other_values_f
 
 
 def test_the_misfit_is_what_the_structure_cannot_follow():
-    """A first order fitted to itself times a ripple of 2 % leaves that ripple's rms."""
     ripple = 1.0 + 0.02 * np.sqrt(2.0) * np.cos(2.0 * np.pi * np.arange(AT.size) / 2.5)
     frf = yaw_data(50.0 / (AT + 0.7) * ripple)
     found = identify(frf, structures.yaw_base, frequencies_per_response=30)
@@ -364,14 +321,12 @@ LAG = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
 
 
 def measured():
-    """3 e^(-0.1 s) / (s + 2) with 1 % of noise."""
     s = 1j * FREQUENCY
     known = 3.0 / (s + 2.0) * np.exp(-0.1 * s + 0.01 * WOBBLE)
     return data(known, FREQUENCY, inputs=["lat"], outputs=["p"])
 
 
 def test_what_only_rounding_sees_has_no_bounds():
-    """An output in which M_col cancels but for rounding: no value of it is told from another."""
     structure = Structure(
         name="cancelling",
         parameters=(
@@ -395,7 +350,6 @@ def test_what_only_rounding_sees_has_no_bounds():
 
 
 def test_units_of_parameters_do_not_change_their_relative_accuracy():
-    """Eighteen decades between two of them: what a known delay's error makes of both stays."""
     other = replace(
         LAG,
         parameters=tuple(

@@ -46,7 +46,6 @@ def truth(frequency):
 
 
 def test_roles_of_inputs_do_not_change_an_estimate():
-    """Wanted or conditioned out it is the same; and so with inputs as their own references."""
     flight = two_inputs(5, coupling=0.3)
     both, one = estimated(flight), estimated(flight, "lat", conditioning="lon")
     np.testing.assert_allclose(one.response[0, 0], both.response[0, 0], rtol=1e-9)
@@ -57,7 +56,6 @@ def test_roles_of_inputs_do_not_change_an_estimate():
 
 
 def test_inputs_that_move_together_are_told():
-    """Mostly: a warning that the result holds; wholly: an error."""
     with pytest.warns(CrossControlWarning, match="'lat' and 'lon'"):
         frf = estimated(two_inputs(7, coupling=1.0, off=0.5))
     assert len(frf.flags) == 1
@@ -73,14 +71,12 @@ STILL = record(lat=np.full(4000, 0.25), p=FLIGHT["p"])
 
 @tabled("changes", "error", "message")
 def test_bad_input_is_refused_with_advice(changes, error, message):
-    """Each bad argument ends in helisim's own error, which says what was expected."""
     good = {"records": FLIGHT, "inputs": "lat", "outputs": "p", "band": BAND}
     with pytest.raises(error, match=message):
         frequency_response(**{**good, **changes})
 
 
 def test_a_response_checks_its_fields():
-    """Shapes, kinds, versions, and frequencies: none twice, zero or out of order, one at least."""
     with pytest.raises(InputError, match="expected"):
         FrequencyResponse.exact([1.0, 2.0], np.ones((1, 2)), inputs=["lat"], outputs=["p"])
     for frequency in ([1.0, 1.0, 2.0], [0.0, 1.0, 2.0], [1.0, 3.0, 2.0], []):
@@ -104,7 +100,6 @@ def test_a_response_checks_its_fields():
 
 
 def test_a_point_is_usable_from_a_coherence_of_six_tenths():
-    """The published limit counts itself; where no point is, a fit is refused with its figures."""
     ones = np.ones((1, 1, GRID.size))
     still = FrequencyResponse.exact(GRID, ones, inputs=["col"], outputs=["w"])
     some = replace(
@@ -119,13 +114,11 @@ def test_a_point_is_usable_from_a_coherence_of_six_tenths():
 
 
 def noisy(seed, **provenance):
-    """Return a record of p that follows lat with as much noise as signal."""
     values = np.random.default_rng(seed).normal(size=(3000, 2))
     return record(0.02, provenance, lat=values[:, 0], p=values[:, 1] + values[:, 0])
 
 
 def test_coherence_of_half_signal_and_half_noise_is_a_half():
-    """Of one input the multiple coherence is the ordinary one, near 1/2 in the composite too."""
     found = frequency_response(noisy(1), inputs="lat", outputs="p", band=(2.0, 40.0))
     assert np.mean(found.multiple_coherence) == pytest.approx(0.5, abs=0.1)
     assert found.frequency == pytest.approx(np.geomspace(2.0, 40.0, 106))  # 80 a decade
@@ -134,7 +127,6 @@ def test_coherence_of_half_signal_and_half_noise_is_a_half():
 
 
 def test_a_flight_that_was_terminated_early_is_refused_by_default():
-    """By response and verification: the first by number and reason, others by how many."""
     over = noisy(1, ended={"at": 12.0, "why": "p is 30 rad/s", "state": {}})
     asked = {"inputs": "lat", "outputs": "p", "band": (2.0, 40.0)}
     for flights, told in (
@@ -170,7 +162,6 @@ def loop(seed, gain, disturbance, samples=6000):
 
 
 def test_the_direct_estimate_stands_beside_the_joint_one():
-    """It equals one made alone; where they disagree, the warning says where, how much, and what."""
     with pytest.warns(ClosedLoopWarning, match="r/ped disagree beyond their errors"):
         joint = frequency_response(loop(1, 1.0, 1.0), **LOOP)
     assert len(joint.flags) == 1
@@ -195,7 +186,6 @@ def test_the_direct_estimate_stands_beside_the_joint_one():
 @pytest.mark.parametrize(("gain", "disturbance"), [(0.0, 1.0), (1.0, 0.0)])
 @pytest.mark.parametrize("how", [{}, {"estimator": "windows"}], ids=str)
 def test_agreeing_estimates_raise_no_warning(gain, disturbance, how):
-    """Without feedback, or without a disturbance, both estimates are the same within errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert frequency_response(loop(0, gain, disturbance), **LOOP, **how).flags == ()
@@ -231,7 +221,6 @@ def test_estimates_disagree_where_their_gap_is_beyond_chance(line, spread, limit
 
 
 def test_inputs_are_coherent_beyond_a_half_and_one_beyond_098():
-    """Of the mean over frequencies; the largest is told with its frequency."""
     omega = np.array([1.0, 2.0, 3.0])
     for mean, told in ((0.5, False), (0.51, True), (0.98, True)):
         cross = np.ones((2, 2, 3))
@@ -247,7 +236,6 @@ def test_inputs_are_coherent_beyond_a_half_and_one_beyond_098():
 
 
 def lagged(seed, spike=False, dead=False, stop=0.0, output="p", least=-0.5):
-    """Return a minute of noise through a lag of 0.2 s, at 100 Hz."""
     stick = np.convolve(np.random.default_rng(seed).standard_normal(6001), np.ones(5) / 5.0, "same")
     if stop:
         stick = np.clip(0.1 * stick, -0.49, 0.49)
@@ -270,7 +258,6 @@ STOPPED = "record 2: 'lat' is at its stop for 4 s, first at 20 s"
 
 @tabled("flights", "output", "flags")
 def test_faults_of_records_are_flagged(flights, output, flags, recwarn):
-    """Which record, which channel, from when, and what to do; and it is warned of."""
     found = frequency_response(flights, inputs="lat", outputs=output, band=(1.0, 20.0)).flags
     assert len(found) == len(recwarn) == len(flags)
     assert all(one.category is RecordQualityWarning for one in recwarn)
@@ -279,7 +266,6 @@ def test_faults_of_records_are_flagged(flights, output, flags, recwarn):
 
 
 def test_csv_is_for_other_programs(tmp_path):
-    """Magnitude, phase, coherence and error under headings with units, below the provenance."""
     heave = frequency_response(noisy(3), inputs="lat", outputs="p", band=(2.0, 20.0))
     heave.save(tmp_path / "heave.csv")
     first, heading, *rows = (tmp_path / "heave.csv").read_text().splitlines()

@@ -55,7 +55,6 @@ def numbers(random, *shape):
 
 
 def test_a_gaussian_mean_is_over_the_logarithm_of_the_frequency():
-    """Weighted sums over weighted counts, point by point."""
     random, frequency = np.random.default_rng(0), np.geomspace(1.0, 5.0, 9)
     values, weight = numbers(random, 2, 9), np.array([0.0, 2.0, *random.uniform(size=7)])
     near = [[np.exp(-0.5 * (np.log(a / b) / 0.3) ** 2) for a in frequency] for b in frequency]
@@ -223,7 +222,6 @@ def lagging(inputs, outputs):
     ("inputs", "outputs"), [({"v": "early"}, {"z": "2*after"}), ({"u": "early", "v": "after"}, {})]
 )
 def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
-    """From exact data with delays of the grid nothing is left, whatever the gain begins at."""
     structure, frequency = lagging(inputs, outputs), np.geomspace(0.5, 20.0, 60)
     names = {one.name: one for one in structure.free}
     values = {"K": 5.0, "early": 0.1, "after": 0.225, "a": 2.0}  # steps of half a radian at 20
@@ -255,7 +253,6 @@ def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
 
 @pytest.mark.parametrize(("fixed", "count"), [(False, 7), (True, 3)])
 def test_starts_of_a_transfer_function_are_rational_fits_then_scattered(fixed, count):
-    """The first is the truth; the direct ones' delays are of the grid, the later within limits."""
     structure = transfer_function(zeros=0, poles=2, input="u", output="y")
     values = {"b0": 30.0, "a1": 3.0, "a0": 25.0, "tau": 0.05}
     frf = of_model(structure, values)
@@ -282,7 +279,6 @@ LOW = "cost is at the band's lower edge, outside 2.85 to 20 rad/s"
 
 @tabled("ratio", "coherence", "told", "band")
 def test_the_shape_of_an_error_tells_its_cause(ratio, coherence, told, band):
-    """Three quarters of the cost in a third of the points at an edge, else low coherence."""
     note = shape("y/u", EDGED, ratio, np.full(41, coherence))
     assert (note is None) == (told is None)
     assert note is None or told in note.text
@@ -323,7 +319,6 @@ def test_windows_that_see_inputs_move_together_are_weighed_by_the_pseudo_inverse
 
 
 def test_stated_errors_are_the_scatter_of_many_disturbances():
-    """Of inputs of which one follows the other late, and of outputs that share a late gust."""
     random, draws, omega = np.random.default_rng(5), 200, np.array([2.0, 2.2, 5.0])
     lat, own, *gusts = random.standard_normal((2 + draws, 1200))
     lon = np.roll(lat, 6) + 0.5 * own
@@ -351,7 +346,6 @@ def test_stated_errors_are_the_scatter_of_many_disturbances():
 
 @tabled("ripple", "deviation", "used")
 def test_a_search_ends_where_noise_is_left_or_a_race_agrees(ripple, deviation, used):
-    """Residuals of a ripple, that no yaw model follows, over the points' deviation."""
     values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
     frf = of_model(structures.yaw_base, values)
     wave = 1.0 + ripple * np.cos(2.0 * np.pi * np.arange(frf.frequency.size) / 2.5)
@@ -367,7 +361,6 @@ def test_a_search_ends_where_noise_is_left_or_a_race_agrees(ripple, deviation, u
 
 
 def test_starts_agree_in_cost_from_delays_that_are_a_step_apart():
-    """A ten thousandth of the cost; without delays any two starts count."""
     structure = structures.yaw_base
     frf = of_model(structure, {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04})
     for one, expected in ((structure, 3), (structure.with_fixed({"tau_r_base": 0.0}), 5)):
@@ -478,7 +471,6 @@ def test_rational_fits_end_in_minima_of_their_stated_error(known, fixed):
 
 
 def bands(random, n_freq):
-    """Return random widths' results, none of the narrowest at the first frequencies."""
     valid = np.ones((3, n_freq), dtype=bool)
     valid[0, :3] = valid[1, 0] = False
     root = numbers(random, 3, n_freq, 2, 2)

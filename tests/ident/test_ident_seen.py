@@ -19,7 +19,6 @@ FLOWN = {"made_by": "helisim 1, simulation", "seed": 7, "flight": 0, "versions":
 
 
 def flight(seed=0, **provenance):
-    """80 s of a stick and the rate that follows it, at 50 Hz."""
     random = np.random.default_rng(seed)
     stick = np.cumsum(random.normal(size=4000)) * 0.01
     rate = np.convolve(stick, np.exp(-np.arange(200) / 40.0))[:4000]
@@ -48,7 +47,6 @@ def fit():
     second=st.tuples(st.floats(0.0, 79.0), st.floats(0.1, 80.0)),
 )
 def test_time_that_two_parts_share_counts_once(first, second):
-    """The share is the length of the union of what was seen, over the record's own length."""
     parts = [SEEN.slice(start, start + length) for start, length in (first, second)]
     seen = np.zeros(len(SEEN) - 1, dtype=bool)  # the steps between samples
     for part in parts:
@@ -60,7 +58,6 @@ def test_time_that_two_parts_share_counts_once(first, second):
 
 
 def test_a_flight_is_known_by_what_was_flown():
-    """Not by its numbers, versions, end or repairs; without provenance it is known only whole."""
     assert share_seen(flight(seed=8), KNOWN) == 1.0  # it says that it is the same flight
     assert share_seen(flight(seed=8, flight=1), KNOWN) == 0.0
     for facts in ({"versions": {}}, {"ended": {"at": 3.0}}, {"log": {"digest": "x"}, "part": 0}):
@@ -71,7 +68,6 @@ def test_a_flight_is_known_by_what_was_flown():
 
 
 def test_a_log_whose_clock_was_reset_says_no_part(tmp_path):
-    """Its parts have the same times, so that they can't be told apart by them."""
     path = tmp_path / "log.csv"
     twice = [*np.arange(300), *np.arange(300)]
     rows = [f"{0.02 * k:.2f},{np.sin(0.1 * k * k):.6f}" for k in twice]
@@ -82,7 +78,6 @@ def test_a_log_whose_clock_was_reset_says_no_part(tmp_path):
 
 
 def test_a_fit_refuses_its_records_and_their_parts(fit, tmp_path):
-    """Whole, cut, screened, resampled, and from a file; so does one that was stored, by little."""
     path = tmp_path / "flight.parquet"
     write_record(SEEN.slice(5.0, 60.0), path)
     (resampled,) = screen(SEEN, resample_hz=40.0).records
@@ -98,7 +93,6 @@ def test_a_fit_refuses_its_records_and_their_parts(fit, tmp_path):
 
 
 def test_a_fit_of_a_part_takes_the_rest():
-    """The first minute is fitted, the last 20 s are new; more than a quarter of overlap is not."""
     first = fitted(SEEN.slice(0.0, 60.0))
     assert verify(first, SEEN.slice(60.0, 80.0)).acceptable
     assert verify(first, SEEN.slice(56.0, 80.0)).acceptable  # 4 of 24 s are seen

@@ -17,7 +17,6 @@ def blas_threads():
 
 
 def flight(seed, n=12_000):
-    """Heave as a first-order response to noise: long enough that BLAS would share it out."""
     rng = np.random.default_rng(seed)
     col = np.convolve(rng.standard_normal(n), np.ones(5) / 5.0, "same")
     w = np.zeros(n)
@@ -29,7 +28,6 @@ def flight(seed, n=12_000):
 
 
 def numbers():
-    """Everything that an identification computes, as bytes."""
     frf = frequency_response(flight(1), inputs="col", outputs="w", band=(0.3, 12.0))
     fit = identify(frf, structures.heave)
     verified = verify(fit, flight(2, 2000))
@@ -39,7 +37,6 @@ def numbers():
 
 @pytest.mark.slow
 def test_the_number_of_blas_threads_does_not_matter():
-    """One thread or several, set by the environment before numpy loads, give the same bits."""
     code = "import test_ident_threads as t; print(t.numbers().hex())"
     printed, path = set(), os.pathsep.join(sys.path)
     for threads in ("1", "5"):
@@ -51,7 +48,6 @@ def test_the_number_of_blas_threads_does_not_matter():
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor has one thread anyway")
 def test_the_callers_threads_are_kept():
-    """Inside the block BLAS has one thread; after the last block, as many as before."""
     with threadpool_limits(limits=2, user_api="blas"):
         with one_blas_thread():
             assert blas_threads() == {1}

@@ -23,7 +23,6 @@ def system(*matrices):
 
 
 def test_simulation_is_the_exact_discretisation():
-    """The blocked simulation equals scipy's step-by-step one, also for an unstable model."""
     random = np.random.default_rng(0)
     for shift in (-2.0, 0.3):
         a = random.normal(size=(4, 4)) + shift * np.eye(4)
@@ -39,7 +38,6 @@ def test_simulation_is_the_exact_discretisation():
 @settings(max_examples=15, deadline=None)
 @given(lag=st.integers(-37, 37), other=st.integers(-37, 37), seed=st.integers(0, 1000))
 def test_delays_of_either_sign_are_exact_between_samples(lag, other, seed):
-    """A delay of so many tenths of a sample is what a ten times finer simulation shifts by."""
     random = np.random.default_rng(seed)
     model = system(
         random.normal(size=(3, 3)) - 2.0 * np.eye(3),
@@ -71,7 +69,6 @@ def yaw_fit(delay):
 
 
 def doublet(delay, *, bias=0.0, trim=0.0, noise=0.0, size=0.1, seed=0):
-    """A smooth doublet flown by the true yaw model, with sensor bias and control trim."""
     values = {**YAW, "tau_r_base": delay}
     time = np.arange(600) * STEP
     ped = size * np.sin(2.0 * np.pi * (time - 1.0) / 1.5) * ((time > 1.0) & (time < 2.5))
@@ -83,7 +80,6 @@ def doublet(delay, *, bias=0.0, trim=0.0, noise=0.0, size=0.1, seed=0):
 
 @pytest.mark.parametrize("delay", [0.0333, -0.0127])
 def test_the_true_model_predicts_without_error(delay):
-    """With a delay of either sign between samples, bias and trim, nothing is left."""
     result = verify(yaw_fit(delay), doublet(delay, bias=0.3, trim=-0.2))
     assert result.j_rms < 1e-5
     assert result.tic < 1e-5
@@ -94,7 +90,6 @@ def test_the_true_model_predicts_without_error(delay):
 
 
 def test_unsuitable_records_are_refused():
-    """No records and a missing channel end in messages that say what exists."""
     fit = yaw_fit(0.0)
     with pytest.raises(InputError, match="no records"):
         verify(fit, [])
@@ -118,7 +113,6 @@ def test_theils_coefficient_of_all_weighs_each_output_by_its_own_size():
 
 
 def test_an_output_that_stands_still_is_predicted_in_segments_too():
-    """It has no size to be weighed by; what the model predicts is all error."""
     ped = 0.001 * np.cumsum(np.random.default_rng(6).standard_normal(2000))
     still = record(0.02, ped=ped, r=np.zeros(2000))
     found = verify(yaw_fit(0.0), still, segment=5.0)
@@ -138,7 +132,6 @@ BANK = Structure(
 
 
 def banked(samples, growth=-2.0, trim=0.0, noise=0.0, step=0.02):
-    """Fly rate and bank by the model itself, with a trim of the control."""
     random = np.random.default_rng(3)
     fit = exactly(BANK, L_p=growth, L_lat=5.0)
     lat = 0.1 * np.cumsum(random.standard_normal((samples, 1)), axis=0) * step**0.5
@@ -149,7 +142,6 @@ def banked(samples, growth=-2.0, trim=0.0, noise=0.0, step=0.02):
 
 @pytest.mark.parametrize("segment", [None, 2.0])
 def test_an_integrator_drifts_by_the_controls_trim(segment):
-    """Which is estimated, whole and in segments: nothing is left of an exact flight."""
     found = verify(*banked(500, trim=0.3), segment=segment)
     assert found.j_rms < 1e-9
     # two biases and states, or two states for each of five segments, two biases and a trim
@@ -158,7 +150,6 @@ def test_an_integrator_drifts_by_the_controls_trim(segment):
 
 @pytest.mark.parametrize(("size", "lat", "elsewhere"), [(1e-4, 0.1, True), (0.1, 0.3, False)])
 def test_a_manoeuvre_of_another_control_is_no_test(size, lat, elsewhere):
-    """Pedals that hardly move, beside a lateral stick that does; a doublet of their own is one."""
     flown = doublet(0.05, noise=0.01, size=size)
     channels = {name: flown[name] for name in ("ped", "r")}
     found = verify(yaw_fit(0.05), record(STEP, **channels, lat=lat * np.sin(flown.time)))
@@ -169,7 +160,6 @@ def test_a_manoeuvre_of_another_control_is_no_test(size, lat, elsewhere):
 
 
 def test_an_output_that_is_noise_does_not_count():
-    """Bank under a disturbance ten times its motion; the rate alone makes the coefficient."""
     found = verify(*banked(2000, noise=20.0))
     assert found.quiet == ("phi",)
     assert found.tic == pytest.approx(found.tic_by_output["p"])
@@ -188,7 +178,6 @@ def test_noise_is_told_by_the_fastest_fifth_of_the_spectrum():
 def test_a_model_is_unstable_from_a_hundredth_of_a_doubling_and_cut_from_three(
     growth, samples, kind, unstable
 ):
-    """Over the record's length; below that a pole is an integrator's."""
     approach = verify(*banked(samples, growth)).approach
     assert approach.kind == kind
     assert approach.pole == ((pytest.approx(growth), 0.0) if unstable else None)

@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
-from scipy.signal import StateSpace, lsim
 
-import script
 from helisim.base.errors import HelisimError
 from helisim.ident import Structure, frequency_response, identify_records, structures
 from helisim.ident.evaluate import delayed, linear, simulate
 from ident_data import ROLLPITCH, YAW, record
 from tabled import tabled
-
-lost_samples = script.loaded("proof/lost_samples")
 
 SHORT_PERIOD = Structure.from_dict(
     {
@@ -47,7 +42,6 @@ def moved(kind, unit, duration, size, step=0.02, start=1.0):
 
 
 def flown(structure, values, moves, noise, seed, step=0.02):
-    """Return records of `moves`, (input, kind, unit, duration, size), with white noise and bias."""
     model, random = linear(structure, values), np.random.default_rng(seed)
     found = []
     for name, *move in moves:
@@ -106,47 +100,6 @@ def test_short_manoeuvres_give_the_truth_within_the_stated_errors(case):
     assert "by maximum likelihood on the records' Fourier transforms" in str(fit)
 
 
-def in_time(flights, structure, truth, sigma, fine=4):
-    """Return an output-error fit in the time domain, (n_free,), which shares nothing with helisim.
-
-    Initial states, and a constant and a slope of each output, are unknown in every record.
-    """
-    names = [one.name for one in structure.free]
-    n, n_out = len(structure.states), len(structure.outputs)
-
-    def residual(unknown):
-        values, rest = dict(zip(names, unknown)), unknown[len(names) :].reshape(len(flights), -1)
-        if structure is SHORT_PERIOD:
-            a = [[values["Z_w"], 50.0], [values["M_w"], values["M_q"]]]
-            b, tau = [[values["Z_de"]], [values["M_de"]]], 0.0
-        else:
-            a, b, tau = [[values["N_r"]]], [[values["N_ped"]]], values["tau_r_base"]
-        model = StateSpace(a, b, np.eye(n), np.zeros((n, 1)))
-        found = []
-        for flight, own in zip(flights, rest):
-            time = np.linspace(0.0, flight.duration, fine * (len(flight) - 1) + 1)
-            drive = np.interp(time - tau, flight.time, flight[structure.inputs[0]])
-            _, out, _ = lsim(model, drive, time, X0=own[:n])
-            slope = np.outer(flight.time, own[n + n_out :])
-            out = out.reshape(len(time), n)[::fine] + own[n : n + n_out] + slope
-            found.append((out - flight.select(structure.outputs)) / sigma)
-        return np.concatenate(found).ravel()
-
-    start = [truth[name] for name in names] + [0.0] * (len(flights) * (n + 2 * n_out))
-    return least_squares(residual, start, x_scale="jac").x[: len(names)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", ["short period", "yaw"])
-def test_an_output_error_fit_in_the_time_domain_finds_the_same(case):
-    (structure, truth), moves, (noise, step, _, _) = CASES[case]
-    flights = flown(structure, truth, moves, noise, 1, step)
-    fit = identify_records(flights, structure)
-    for one, value in zip(structure.free, in_time(flights, structure, truth, noise)):
-        # half a stated error: the two differ by the lines above the band alone
-        assert abs(fit[one.name].value - value) < 0.5 * fit[one.name].standard_error, one.name
-
-
 def test_a_state_that_moves_at_first_and_a_drift_take_nothing_from_the_parameters():
     """Outputs with H1 and D, an initial state, and drift: without noise the truth comes back."""
     structure = Structure.from_dict(
@@ -189,22 +142,3 @@ def test_a_motion_that_no_record_can_show_is_refused():
         identify_records(flights, unstable)
     with pytest.raises(HelisimError, match="with identify_records"):
         frequency_response(flights, inputs="ped", outputs="r", band=(0.8, 20.0))
-
-
-@pytest.mark.slow
-def test_bursts_of_lost_samples_widen_the_errors_that_hold_the_truth():
-    """16 % of the samples are lost in bursts of up to 250 ms."""
-    moves = [("ped", THREETWOONEONE, 0.4, 10.0, 0.1)] * 2
-    names = [one.name for one in structures.yaw_base.free]
-    errors, widths = [], []
-    for seed in range(3):
-        flights = flown(structures.yaw_base, YAW, moves, np.array([0.02]), seed, step=0.01)
-        fits = [identify_records(flights, structures.yaw_base)]
-        dice = np.random.default_rng(seed)
-        left = [lost_samples.without(one, "bursts", 0.16, dice) for one in flights]
-        fits.append(identify_records(left, structures.yaw_base))
-        off = [(fits[1][name].value - YAW[name]) / fits[1][name].standard_error for name in names]
-        errors.append(off)
-        widths.append([fits[1][n].standard_error / fits[0][n].standard_error for n in names])
-    assert np.max(np.abs(errors)) < 3.5  # of 9 chances
-    assert np.all(np.mean(widths, axis=0) > 1.0)

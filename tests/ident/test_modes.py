@@ -26,18 +26,15 @@ def values_of(structure):
 
 
 def doubled(some):
-    """Return the roots of modes, both of a pair."""
     return [x for one in some for x in {one.value, one.value.conjugate()}]
 
 
 def nearest(found, expected):
-    """Return how far each expected root is from the nearest found one."""
     return [min(abs(x - y) for y in found) for x in expected]
 
 
 @pytest.mark.parametrize("name", list(structures.BUILT_IN))
 def test_poles_and_zeros_are_python_controls(name):
-    """Every pole; every zero that its poles do not cancel, and no other."""
     structure = structures.named(name)
     values = values_of(structure)
     found = modes(structure, values, structure.pairs)
@@ -77,7 +74,6 @@ def quartic():
 
 
 def test_figures_of_a_mode_are_the_textbooks():
-    """Frequency, damping, time constant, time to double, of a polynomial written in factors."""
     found = modes(*quartic(), ["y/u"])
     slow, real, fast = found.poles
     assert slow.value == pytest.approx(0.2)
@@ -96,7 +92,6 @@ def test_figures_of_a_mode_are_the_textbooks():
 
 
 def test_a_mode_that_an_axis_lacks_is_none_of_its_zeros():
-    """Two decoupled axes: p/lat is a gain over one lag, without the other axis' pole as a zero."""
     found = modes(TWO_AXES, {"L_p": -4.0, "M_q": -2.0}, TWO_AXES.pairs)
     assert [one.value for one in found.poles] == [-2.0, -4.0]
     assert all(not zeros for zeros in found.zeros.values())
@@ -122,7 +117,6 @@ def test_errors_are_those_of_drawn_parameters():
 
 
 def test_errors_of_zeros_are_finite_differences():
-    """One parameter at a time, its error times the zero's difference over a small step."""
     structure = structures.hover
     values = values_of(structure)
     step = 1e-6
@@ -148,14 +142,12 @@ def close(a1):
 
 @pytest.mark.parametrize(("a1", "separate"), [(8.0, True), (4.05, False), (3.98, False), (1, True)])
 def test_a_pair_that_could_merge_is_marked(a1, separate):
-    """Near critical damping 0.1 of a coefficient takes a real pair to a complex one."""
     for one in close(a1).poles:
         assert one.separate == separate
         assert ("could merge" in str(close(a1))) != separate
 
 
 def test_what_the_data_do_not_see_leaves_its_modes_unknown():
-    """An infinite variance reaches the modes that the parameter moves, and no other."""
     structure = structures.transfer_function(zeros=1, poles=1, input="u", output="y")
     values = {"b1": 2.0, "b0": 6.0, "a0": 5.0, "tau": 0.0}
     names = ["b1", "b0", "a0"]
@@ -175,7 +167,6 @@ def fit():
 
 
 def test_a_fit_says_its_modes_everywhere(fit):
-    """In Python, in words, in JSON, and in a page; a fit that is read back has the same."""
     (pole,) = fit.modes.poles
     assert pole.frequency == pytest.approx(5.0, abs=4 * pole.frequency_error)
     assert pole.damping == pytest.approx(0.3, abs=4 * pole.damping_error)
@@ -189,7 +180,6 @@ def test_a_fit_says_its_modes_everywhere(fit):
 
 
 def test_a_model_without_inertia_in_a_state_has_none(fit):
-    """M singular: the text and the file go without, and Python says why."""
     lag = Structure(
         name="lag",
         parameters=(Parameter("T", "s", 0.0, fixed=True), Parameter("K", "1", 2.0)),
@@ -208,7 +198,6 @@ def test_a_model_without_inertia_in_a_state_has_none(fit):
 
 
 def test_the_error_of_a_known_servo_is_in_the_modes():
-    """Of the servo's own pole all of it; of the plant's what the fit made of it."""
     plain = structures.transfer_function(zeros=0, poles=1, input="lat", output="p", delay=None)
     data = plain.to_dict()
     data["parameters"]["T"] = {"unit": "s", "start": 0.1, "fixed": True, "error": 0.002}

@@ -34,7 +34,6 @@ class Ticks:
         return COMPILED(STILL._replace(**seen), self.state, self.settings)
 
     def states(self, stick):
-        """Return the states of an axis, from its model's angle on."""
         return self.state[int(self.settings[STATES[stick]]) :]
 
 
@@ -127,7 +126,6 @@ def test_an_integral_does_not_wind_up(stick, angle):
 
 
 def test_a_heading_is_held_through_south_and_let_go_where_it_can_not_be_reached():
-    """Full pedal against a tail at its stop: the heading held stays within half a turn."""
     ticks = Ticks(HOLDS)
     for _ in range(2000):
         ticks(PED=0.5)

@@ -19,7 +19,6 @@ MADE = {"by": "hand", "specifications": [{"axis": "lat", "least": 45.0}], "of": 
 
 
 def rotorflight(vehicle):
-    """All that the law can do, but for what is quadratic in the middle; see its `linear`."""
     law = hs.Rotorflight.of(vehicle)
     cyclic = {"b": 20.0, "d": 30.0, "o": 0.0, "error_decay_time": 0.0, "relax_level": 0.0}
     yaw = {"b": 10.0, "f": 20.0, "relax_level": 0.0, "cyclic_ff_gain": 0.0}
@@ -87,7 +86,6 @@ def test_linear_form_is_the_compiled_law_differentiated(kind, jr700):
 
 @pytest.mark.parametrize("name", ["jr700", "lynx", "blade360"])
 def test_a_rate_command_flies_as_the_gyro_that_it_is_of(name):
-    """To the last bit, after its file was written and read, at its stops too; one winds up."""
     vehicle = hs.load(name, parameters={"gyro.anti_windup": float(name != "lynx")})
     written = hs.law_of(hs.RateCommand.of(vehicle).to_dict())
     plan = hs.Step(axis="lat", amplitude=0.3, duration=8.0)
@@ -108,7 +106,6 @@ def test_holds_the_hover(jr700):
 
 
 def free_states():
-    """A state-space law of as many free states as commands."""
     c, d = (np.random.default_rng(3).standard_normal((4, n)) for n in (4, 2))
     matrices = {"a": np.eye(4), "b": np.zeros((4, 2)), "c": c, "d": d, "start": np.linalg.inv(c)}
     return hs.StateSpaceLaw(period=0.002, inputs=("p", "phi"), **matrices)
@@ -116,7 +113,6 @@ def free_states():
 
 @tabled("made", "col")
 def test_starts_where_the_servos_stand(jr700, made, col):
-    """As after a gyro's restart: without a rate or a stick no servo moves, wherever it stands."""
     (flown,) = made(jr700).on(jr700).laws
     servos = (*jr700.swashplate.mix(col, 0.06, -0.04), 0.11)
     at_rest = hs.Seen(*np.zeros(len(hs.Seen._fields)).tolist())
@@ -139,7 +135,7 @@ def test_a_law_of_ones_own_needs_its_methods_and_the_gyros_ticks(jr700):
         random_law(period=0.004).linear(0.002)
 
 
-ATTITUDE, NAN = HOLDS.to_dict(), np.full((5, 5), np.nan).tolist()
+NAN = np.full((5, 5), np.nan).tolist()
 
 
 @tabled("kind", "change", "message")
@@ -152,7 +148,6 @@ def test_what_is_no_law_says_what_is_wrong(kind, change, message, jr700):
 
 
 def test_compiled_matrices_act_within_limits_and_are_cut_off_beyond(jr700):
-    """At each tick the commands are C x + D seen about the trim, and the state follows."""
     vehicle = jr700
     law = random_law()
     controller = law.on(vehicle)
@@ -197,7 +192,6 @@ ped = { stick = 3.0, frequency = 8.0, k_angle = 1.0, k_rate = 0.2, k_integral = 
 
 
 def test_a_file_flies_and_its_record_can_be_flown_again(folder, jr700):
-    """From the command line; the record alone has the law and the seed, and gives the same bits."""
     assert main([*FLY, "--controller", "law.toml"]) == 0
     record = hs.read_record(folder / "flown.parquet")
     law = hs.law_of(record.provenance["controller"]["written"])

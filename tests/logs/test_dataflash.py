@@ -11,7 +11,6 @@ from helisim.logs.dataflash import DataFlash
 
 
 def small():
-    """Return a log with two gyros, parameters that change and texts."""
     log = Log()
     log.define(1, "GYR", "QBfcha", "TimeUS,I,Rate,Roll,Yaw,Raw", units="s#kdd", multipliers="F-0BB")
     log.define(2, "PARM", "QNff", "TimeUS,Name,Value,Default")
@@ -83,7 +82,6 @@ def test_what_is_not_there_is_named(tmp_path):
 
 
 def every_letter(count=40):
-    """Return a log with each letter of the format, random numbers and words in each."""
     random = np.random.default_rng(7)
     log = Log()
     letters = "".join(letter for letter in LETTERS if letter not in "aQ")
@@ -110,7 +108,6 @@ def _values(letter, random):
 
 
 def rows_of(path):
-    """Return what pymavlink reads: type -> (columns, instance's column, rows)."""
     missing = "pymavlink isn't installed: pip install helisim[sitl]"
     module = pytest.importorskip("pymavlink.DFReader", reason=missing)
     reader = module.DFReader_binary(str(path))
@@ -127,7 +124,6 @@ def rows_of(path):
 
 
 def same_as_reference(log, reference):
-    """Assert that all columns of all types and instances are the reference's."""
     assert set(log.types) == set(reference)
     for name, (columns, instance_field, rows) in reference.items():
         for instance in log.instances(name):
@@ -164,7 +160,6 @@ def test_text_is_refused(tmp_path):
 
 
 def counting(count=200, **options):
-    """Return a log whose messages number themselves, in two types of different lengths."""
     log = Log(**options)
     log.define(1, "ONE", "QIf", "TimeUS,N,X", units="s-k", multipliers="F-0")
     log.define(2, "TWO", "QIffB", "TimeUS,N,X,Y,C", units="s-kk-", multipliers="F-00-")
@@ -225,7 +220,6 @@ def test_a_clock_that_goes_back(tmp_path):
 
 
 def test_marks_inside_of_messages(tmp_path):
-    """Numbers that look like the start of a message, or even like a whole FMT, are numbers."""
     log = Log()
     log.define(1, "ONE", "QIf", "TimeUS,N,X")
     log.define(3, "RAW", "QZZ", "TimeUS,A,B")

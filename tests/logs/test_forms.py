@@ -16,7 +16,6 @@ RATE = {"p": Column("p", "rad/s")}
 
 
 def read(path, *names, time=None):
-    """Return the rate of a log."""
     map_ = Map(RATE, time, Layout(names=names))
     return read_log(path, channels=map_).records[0]["p"]
 
@@ -66,7 +65,6 @@ def test_numpy_and_matlab_are_read(tmp_path):
 
 
 def test_a_log_of_px4_before_ulog_is_read(tmp_path):
-    """Messages TIME say when those after them were written, and FMT has no layout of itself."""
     log = autopilot_logs.Log(with_units=False)
     log.messages.clear()
     log.define(129, "TIME", "Q", "StartTime")
@@ -84,7 +82,6 @@ def test_a_log_of_px4_before_ulog_is_read(tmp_path):
 
 
 def test_times_of_a_ulog_count_from_when_logging_began(tmp_path):
-    """What was published before has a stamp of before, or 0; the magic bytes decide the format."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     stamps = np.round(1e6 * T) + 90_000_000
     stale = np.concatenate([[0.0], stamps[1:]])

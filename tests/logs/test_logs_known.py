@@ -68,7 +68,6 @@ def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
 
 
 def test_findings_count_all_rows_and_averages_pass_over_holes(tmp_path):
-    """Of rows with one stamp those with a number; between neighbours else; never by a guess."""
     t = np.repeat(np.arange(40.0), 2)
     (one,) = read_log(
         table(tmp_path / "a.csv", t, t), channels=P, repair="duplicates"
@@ -119,7 +118,6 @@ def test_a_column_is_read_again_from_its_option(column, unit, sign, trim, range_
     ("name", "si"), [("p", "rad/s"), ("phi", "rad"), ("down", "m"), ("az", "m/s^2")]
 )
 def test_a_unit_is_told_by_its_factor(name, si):
-    """Each unit of a kind by a factor up to a tenth off, and none beyond."""
     same = {k: one.factor for k, one in UNITS.items() if one.si == si}
     channels = Channels(0.01, {}, {name: Column("x", si)})
     for unit, factor in same.items():
@@ -140,7 +138,6 @@ def test_a_clock_has_the_unit_that_its_heading_or_map_says(tmp_path, heading, ti
 
 
 def test_a_quaternion_is_euler_angles_as_others_turn(tmp_path):
-    """PX4's attitude of each instance against scipy's rotations; an angle in the log stays."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     turns = Rotation.random(200, random_state=1)
     stamps, q = 1000 * np.arange(200), turns.as_quat(scalar_first=True)

@@ -120,7 +120,6 @@ def test_repairs_do_what_they_say(tmp_path):
 
 
 def test_angles_are_made_continuous_and_resampling_is_filtered_and_even(tmp_path):
-    """The passband is kept, what is above is gone; at its own rate all is kept."""
     t = np.arange(50.0)
     heading = (10.0 * t + 180.0) % 360.0 - 180.0
     path = table(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")
@@ -220,12 +219,10 @@ def options(columns, **declared):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_said_of_a_sound_flight(seed):
-    """Attitudes to 60 degrees and noise of 2 %: each channel goes with the others."""
     assert found(flight(seed)) == []
 
 
 def test_rates_and_angles_in_another_unit_are_told():
-    """By their size, by what they would swing, or where they are small by their angles."""
     fast = flight() | {name: flight()[name] / RAD_PER_DEG for name in "pqr"}
     expected = {f"--channel {name}={name}_raw:deg/s" for name in "pqr"}
     assert options(fast) == expected
@@ -273,7 +270,6 @@ def test_gravity_alone_tells_an_accelerometer():
 
 
 def test_controls_that_are_pulses_or_percent_are_told():
-    """1100 to 1900 are a radio's pulses; -40 to 40 are no share of one."""
     t = 2.0 * np.pi * np.arange(6000) / 1000.0
     pulses = found({"lat": 1500.0 + 400.0 * np.sin(t)})
     assert said(pulses[0]) == "--channel lat=lat_raw:us:trim=1500:range=800"
@@ -298,21 +294,6 @@ def test_a_log_that_is_read_is_told_so(tmp_path):
     report = read_log(path).report
     assert [finding.kind for finding in report.findings] == ["unit"]
     assert any(said(one) == "--channel 'p=p [rad/s]:deg/s'" for one in report.findings)
-
-
-@pytest.mark.slow
-def test_simulated_flights_are_plausible():
-    """A mission at 20 m/s, with the sensors' noise and lags: nothing is said.
-
-    The simulator integrates positions, attitudes and forces by MuJoCo, and knows none of this.
-    """
-    vehicle = hs.load("jr700")
-    (record,) = hs.fly(vehicle, hs.missions.Forward(speed=20.0), seed=1)
-    declared = {one.name: Column(one.name, one.unit) for one in record.channels}
-    columns = {name: record[name] for name in record.names}
-    assert implausible(Channels(record.sample_time, columns, declared)) == []
-    flipped = Channels(record.sample_time, columns | {"q": -record["q"]}, declared)
-    assert [one.kind for one in implausible(flipped)] == ["sign"]
 
 
 RATE = 100.0

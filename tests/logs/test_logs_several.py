@@ -18,7 +18,6 @@ MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}
 
 
 def faulty(folder):
-    """Return two logs: holes and a unit that nobody states; a gap, repeats and a dead input."""
     t = np.arange(200) / 50.0
     p = np.sin(t)
     p[[20, 21]] = np.nan
@@ -75,7 +74,6 @@ def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declare
 
 
 def jittery(folder, share, seed=0, rate=100.0):
-    """Return a log whose stamps are off by a normal share of a step, and its true function."""
     rng = np.random.default_rng(seed)
     t = (np.arange(3000) + share * rng.uniform(-0.5, 0.5, 3000)) / rate
     return table(folder / "jitter.csv", t, np.sin(5.0 * t), header="t,p")
@@ -124,7 +122,6 @@ TIME = np.arange(6001) / 100.0
 
 
 def made(time=TIME, **changes):
-    """Return a noisy minute of a rate and an input at 100 Hz, with channels replaced."""
     rng = np.random.default_rng(1)
     columns = {
         "p": np.sin(3.0 * time) + 0.005 * rng.standard_normal(time.size),
@@ -146,7 +143,6 @@ def spiked():
 
 
 def test_what_was_injected_has_no_spikes():
-    """It is computed, not measured; a rate of the same shape has them."""
     names, peaks = ("p", "lat_disturbance", "lat_sum"), spiked()["p"]
     columns = np.column_stack([peaks] * len(names))
     record = FlightRecord(TIME, columns, tuple(channel(name) for name in names))

@@ -4,7 +4,6 @@ import csv
 import hashlib
 import io
 import json
-import shlex
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,12 +17,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import autopilot_logs
-from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
-from helisim.cli import parser
-from helisim.cli.logs import command_line
+from helisim.base.errors import HelisimError, InputError, StorageError
 from helisim.logs import Clock, Column, Layout, Log, Map, read_log  # noqa: F401  (rows name them)
 from helisim.logs import ulog as module
-from helisim.look import look
 from tabled import tabled
 
 RATE = 0.004
@@ -39,7 +35,6 @@ def stamped(count):
 
 
 def ulog(count=500):
-    """Return a ULog with a gyro at 250 Hz and sticks at 50 Hz."""
     stamps, t = stamped(count)
     gyro = np.column_stack([np.sin(t), np.arange(count), 0.0 * t])
     topics = {"gyro": (stamps, {"xyz": gyro}), "stick": (stamps[::5], {"roll": np.cos(t[::5])})}
@@ -47,7 +42,6 @@ def ulog(count=500):
 
 
 def dataflash(count=500):
-    """Return a DataFlash log of the same gyro."""
     stamps, t = stamped(count)
     return autopilot_logs.dataflash({"GYR": (stamps, {"X": np.sin(t), "Y": np.arange(count)})})
 
@@ -80,7 +74,6 @@ FORMATS = {
 
 @pytest.fixture(params=FORMATS)
 def log_of(request, tmp_path):
-    """Return a format's name, its log, the rate's column, another one, and how rows count."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
     make, *rest = FORMATS[request.param]
     path = tmp_path / "a.log"
@@ -135,19 +128,6 @@ def test_clocks_of_topics_meet_on_a_common_grid(tmp_path):
     assert "resampled at 50 Hz, the slowest one's" in finding.text
     record = read_log(path, channels=channels, resample_hz=100.0).record
     assert record["LAT"][10:-10] == pytest.approx(np.cos(record.time[10:-10]), abs=1e-3)
-
-
-def test_lost_bytes_are_reported(tmp_path):
-    path, data = tmp_path / "a.bin", bytearray(dataflash())
-    half = len(data) // 2
-    data[half : half + 600] = bytes(600)
-    path.write_bytes(bytes(data))
-    channels = {"p": Column("GYR.X", "rad/s")}
-    with pytest.raises(RecordError, match="a gap"):
-        read_log(path, channels=channels)
-    log = read_log(path, channels=channels, repair=("gaps",))
-    assert {"corruption", "gap"} <= {finding.kind for finding in log.report.findings}
-    assert len(log.records) == 2
 
 
 def test_a_missing_reader_says_what_to_install(tmp_path, monkeypatch):
@@ -224,7 +204,6 @@ SETTINGS = settings(max_examples=60, suppress_health_check=LARGE)
 
 
 def opened(data: bytes, read, **options) -> Any:
-    """Return what a file of these bytes is, or the error; anything else that is raised fails."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "any.log")
         path.write_bytes(data)
@@ -235,7 +214,6 @@ def opened(data: bytes, read, **options) -> Any:
 
 
 def faults(data: bytes, **options) -> list[str]:
-    """Return what is wrong with the records that bytes give, or with the error's message."""
     log = opened(data, read_log, channels=MAP, **options)
     if isinstance(log, HelisimError):
         return [] if "any.log" in str(log) else [f"the message doesn't name the file: {log}"]
@@ -243,7 +221,6 @@ def faults(data: bytes, **options) -> list[str]:
 
 
 def unsound(log: Log, rate: float | None) -> Iterator[str]:
-    """Yield what is wrong with a log that was read."""
     for k, record in enumerate(log.records):
         if not np.all(np.isfinite(record.values)):
             yield f"record {k} has numbers that are not finite"
@@ -285,25 +262,6 @@ def test_any_table_is_a_record_or_an_error(rows, header, delimiter, encoding, re
 
 
 @given(
-    rows=st.lists(
-        st.tuples(
-            st.one_of(st.floats(0.0, 2.0), st.integers(0, 20).map(float), st.floats()),
-            st.one_of(st.just(float("nan")), st.floats(allow_infinity=False)),
-            st.one_of(st.just(float("nan")), st.floats(-1e3, 1e3)),
-        ),
-        max_size=30,
-    ),
-    repair=REPAIR_SETS,
-    resample_hz=st.sampled_from([None, 1.0, 20.0]),
-    max_gap=st.sampled_from([None, 0.5]),
-)
-@SETTINGS
-def test_any_numbers_are_a_record_or_an_error(rows, repair, resample_hz, max_gap):
-    text = "t,p,u\n" + "".join(f"{t!r},{p!r},{u!r}\n" for t, p, u in rows)
-    assert not faults(text.encode(), repair=repair, resample_hz=resample_hz, max_gap=max_gap)
-
-
-@given(
     steps=st.lists(st.integers(0, 40), min_size=3, max_size=60),
     holes=st.sets(st.integers(0, 59)),
     more=st.sampled_from([(), ("resets",)]),
@@ -327,54 +285,3 @@ def test_no_row_disappears_without_a_word(steps, holes, more, resample_hz):
     assert not lost or {f.kind for f in findings} & {"gap", "duplicate stamp"}
     empty = {k + 2 for k in holes}
     assert lost <= empty | {2 + k for k in range(1, len(steps)) if steps[k] == 0}
-
-
-HEADS = st.sampled_from(
-    [
-        *("t [s]", "time", "time_ms", "stamp", "p", "q [deg/s]", "rollRate", "Roll", "pitch_cmd"),
-        *("lat", "LAT [percent]", "rc1", "collective [%]", "acc_z", "az [g]", "climb", "a:b", "n"),
-    ]
-)
-KINDS = ["time", "ms", "sine", "zero", "noise", "pulses", "holes", "wild", "none"]
-COLUMNS = st.sampled_from(KINDS)
-
-
-def column(kind, count, seed):
-    """Return numbers of a kind, (count,)."""
-    t, random = np.arange(count) / 50.0, np.random.default_rng(seed)
-    return {
-        "time": t,
-        "ms": 1e3 * t,
-        "sine": np.sin(3.0 * t),
-        "zero": 0.0 * t,
-        "noise": random.standard_normal(count),
-        "pulses": 1500.0 + 300.0 * np.sin(np.exp(t / 8.0)),
-        "holes": np.where(random.random(count) < 0.1, np.nan, np.sin(t)),
-        "wild": 1e300 * random.standard_normal(count),
-        "none": np.full(count, np.nan),
-    }[kind]
-
-
-@pytest.mark.slow
-@given(
-    columns=st.lists(st.tuples(HEADS, COLUMNS), min_size=1, max_size=6),
-    count=st.sampled_from([0, 1, 3, 60, 600]),
-    cut=st.integers(0, 60),
-    seed=st.integers(0, 9),
-)
-@settings(max_examples=150, deadline=None)
-def test_any_table_is_looked_at_or_refused(columns, count, cut, seed):
-    """Columns of any kind under any name, with a gap: a value that prints, or an error."""
-    heads = [head for head, _ in columns]
-    rows = zip(*(column(kind, count, seed).tolist() for _, kind in columns))
-    lines = [",".join("" if cell != cell else repr(cell) for cell in row) for row in rows]
-    del lines[20 : 20 + cut]
-    found = opened("\n".join([",".join(heads), *lines, ""]).encode(), look)
-    if isinstance(found, HelisimError):
-        assert "any.log" in str(found)
-        return
-    assert str(found)
-    assert found.to_dict()["logs"][0]["format"] == "CSV"
-    if found.proposal is not None:
-        words = shlex.split(command_line(found.proposal))[1:]
-        assert parser(words).parse_args(words).command == "identify"

@@ -80,7 +80,6 @@ def test_a_rest_within_an_excitation_is_short(gap, start, kind):
 
 
 def test_a_sweep_is_seen_to_the_logs_end():
-    """Also if the last twentieth of the log isn't whole."""
     time = T[:5950]
     one = excitation("lat", time, (chirp(1.0, 30.0, 10.0, T[-1]) + noise(0.02))[:5950])
     assert one.stop == pytest.approx(time[-1], abs=0.05)
@@ -129,13 +128,11 @@ def test_an_answer_has_the_band_that_is_excited_and_sampled(low, high, rates, ba
 
 
 def test_a_record_of_too_few_samples_answers_nothing():
-    """A window of fewer than 32."""
     assert len(answered(9.0, 40.0, count=160, noises=(1e-3,) * 3)) == 3
     assert answered(9.0, 40.0, count=159, noises=(1e-3,) * 3) == ()
 
 
 def test_noise_is_no_excitation():
-    """Of any bandwidth, a hundred times: a pilot's or a controller's motion; a rest is nothing."""
     kinds = set()
     for seed in range(100):
         pole = 0.99 * np.random.default_rng(seed).random()
@@ -157,7 +154,6 @@ def test_what_means_nothing_is_left_alone():
 
 
 def guessed(columns, log_format="CSV", given=(), units=()):
-    """Return what is guessed of columns, name -> (rate, values), each with a clock of its own."""
     topics, (rates, values) = {name: name for name in columns}, zip(*columns.values())
     stamps = {k: 1e6 * np.arange(np.size(v)) / r for k, r, v in zip(columns, rates, values)}
     read = {name: np.asarray(value, float) for name, value in zip(columns, values)}

@@ -27,7 +27,6 @@ DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
 
 
 def command(found):
-    """Return the proposal as the command line has it, empty without one."""
     return "" if found.proposal is None else command_line(found.proposal)
 
 
@@ -51,7 +50,6 @@ def rolled(duration=60.0, fine=1000.0, seed=0):
 
 
 def sampled(rate, jitter, seed, *columns):
-    """Return stamps in us, off by up to `jitter` steps, and columns at these instants."""
     t, random = rolled()[0], np.random.default_rng(seed)
     count = int(t[-1] * rate) - 1
     at = (np.arange(1, count) + jitter * random.uniform(-0.5, 0.5, count - 1)) / rate
@@ -77,28 +75,7 @@ def ardupilot(path):
     return path
 
 
-def px4(path):
-    """Write a log with a gyro at 200 Hz, torques at 100, quaternions at 50, sticks at 20."""
-    _, lat, p, phi = rolled()
-    gyro, (own,) = sampled(200.0, 0.1, 5, p)
-    torque, (out,) = sampled(100.0, 0.2, 6, lat)
-    attitude, (angle,) = sampled(50.0, 0.1, 7, phi)
-    sticks, (stick,) = sampled(20.0, 0.2, 8, lat)
-    none = np.zeros_like(own)
-    rest = np.zeros_like(angle)
-    quaternion = np.column_stack([np.cos(angle / 2.0), np.sin(angle / 2.0), rest, rest])
-    topics = {
-        "vehicle_angular_velocity": (gyro, {"xyz": np.column_stack([own, none, none])}),
-        "vehicle_torque_setpoint": (torque, {"xyz": np.column_stack([out, 0.0 * out, 0.0 * out])}),
-        "vehicle_attitude": (attitude, {"q": quaternion}),
-        "manual_control_setpoint": (sticks, {"roll": stick, "pitch": 0.0 * stick}),
-    }
-    path.write_bytes(autopilot_logs.ulog(topics))
-    return path
-
-
 def anyones(path, *, gap=False):
-    """Write a table of any logger: degrees nobody speaks of, a counter."""
     stamps, (own, out, angle) = sampled(50.0, 0.1, 9, *rolled()[2:0:-1], rolled()[3])
     rate, bank = own / RAD_PER_DEG, angle / RAD_PER_DEG
     time = np.round(stamps * 1e-3, 1)
@@ -110,7 +87,6 @@ def anyones(path, *, gap=False):
 
 
 def runs(found, folder):
-    """Run the command that a look prints; return the fit."""
     words = shlex.split(command(found))
     assert words[:2] == ["helisim", "identify"]
     out = folder / "model.json"
@@ -119,7 +95,6 @@ def runs(found, folder):
 
 
 def same_response(fit, frequency, *, tolerance):
-    """Assert that a fit's p/lat is the flown one's at a frequency, rad/s."""
     true = GAIN * np.exp(-1j * frequency * DELAY) / (1j * frequency + DAMPING)
     found = complex(np.ravel(fit.response([frequency]).response)[0])
     assert abs(found / true - 1.0) < tolerance, (found, true)
@@ -152,23 +127,6 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
     assert "resampled to 100 Hz" in capsys.readouterr().out
 
 
-@pytest.mark.slow
-def test_a_log_of_px4(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
-    found = look(px4(tmp_path / "a.ulg"))
-    (log,) = found.logs
-    columns = {one.name: one.column.column for one in log.channels if one.moves}
-    assert columns == {
-        "p": "vehicle_angular_velocity.xyz[0]",
-        "lat": "vehicle_torque_setpoint.xyz[0]",
-        "phi": "vehicle_attitude.roll",
-        "LAT": "manual_control_setpoint.roll",
-    }
-    assert [one.channel for one in log.excitations] == ["lat", "LAT"]
-    for frequency in (3.0, 10.0):
-        same_response(runs(found, tmp_path), frequency, tolerance=0.03)
-
-
 def test_a_table_of_anyone(tmp_path):
     found = look(anyones(tmp_path / "a.csv", gap=True))
     (log,) = found.logs
@@ -188,7 +146,6 @@ def test_a_table_of_anyone(tmp_path):
 
 
 def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_path, capsys):
-    """A map's channel is no guess; a wrong one, or a wrong unit of time, has the option to try."""
     path = anyones(tmp_path / "a.csv")
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
     given = {one.name: one.why == "given" for one in found.logs[0].channels}
@@ -251,7 +208,6 @@ def test_a_closed_loop_is_told(tmp_path):
 
 
 def named(path, control, rate, scale=1.0):
-    """Write a roll sweep with a control and a rate of these names, and the bank."""
     _, lat, p, phi = rolled()
     stamps, columns = sampled(50.0, 0.0, 3, lat, scale * p, phi / RAD_PER_DEG)
     header = f"time_us,{control},{rate},bank"
@@ -280,7 +236,6 @@ def test_names_are_known_asked_for_or_doubted(tmp_path, capsys):
 def flown(
     path, *, lat=1.0, heading="time,aileron,gyro_x,thrust,rc_aileron", of=60.0, delimiter=","
 ):
-    """Write a table of a roll sweep at 50 Hz: lat in percent times `lat`, p in deg/s."""
     t, own, p, _ = rolled()
     rows = slice(0, int(of * 1000), 20)
     still = np.full(t[rows].size, 3.0)
@@ -291,7 +246,6 @@ def flown(
 
 @pytest.mark.slow
 def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
-    """Of a small motion alone, percent and deg/s would be taken for 1 and rad/s."""
     small = flown(tmp_path / "a.csv", lat=0.02)
     units = {one.name: one.column.unit for one in look(small).logs[0].channels}
     assert (units["lat"], units["p"]) == ("1", "rad/s")
@@ -304,22 +258,10 @@ def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
 
 
 def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
-    """Whichever comes first, and whatever its name's rank."""
     for heading in ("time,aileron,gyro_x,x,lat", "time,lateral,p,x,aileron"):
         log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
         (lat,) = (one for one in log.channels if one.name == "lat")
         assert lat.moves
-
-
-@pytest.mark.slow
-def test_two_axes_of_a_table_are_a_helicopters_by_their_names(tmp_path):
-    t, own, p, _ = rolled()
-    rows = slice(0, None, 20)
-    table = np.column_stack([t, own, 0.0 * own, p, 0.1 * p])[rows]
-    one, two = tmp_path / "lat.csv", tmp_path / "lon.csv"
-    np.savetxt(one, table, delimiter=",", header="time,DLAT,DLON,p,q", comments="")
-    np.savetxt(two, table, delimiter=",", header="time,DLON,DLAT,q,p", comments="")
-    assert dict(look([one, two]).proposal.options)["structure"] == ("rollpitch_speeds",)
 
 
 def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):
@@ -333,7 +275,6 @@ def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):
 
 
 def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
-    """A single transient makes every two channels coherent in a window that holds it alone."""
     random, t = np.random.default_rng(3), np.arange(4000) / 50.0
     event = np.exp(-((t - 30.0) ** 2)) * np.sin(4.0 * t)
     noise = 1e-4 * random.standard_normal((2, t.size))

@@ -26,7 +26,6 @@ def model():
 
 
 def test_only_skids_and_bars_collide_and_never_with_the_vehicle(model):
-    """In the air a step pays for no contact."""
     touching = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
     owners = {model.body(model.geom_bodyid[i]).name for i in touching}
     assert owners == {"skids", *SAFETY_BARS}
@@ -82,7 +81,6 @@ def shipped(name, file="scene"):
 
 
 def farthest(model, data, seconds=10.0):
-    """Step, and return how far anything that is free got from where it was, m."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     rows = (model.jnt_qposadr[free][:, None] + np.arange(3)).ravel()
     start, far = data.qpos[rows].copy(), 0.0
@@ -114,12 +112,10 @@ def test_hover_from_the_keyframe(name, file, integrator):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_the_numbers_are_what_the_parameters_give(name):
-    """`helisim vehicle build` would change nothing; after a change of parameters, run it."""
     assert [change.element.place for change in unwritten(name)] == []
 
 
 def attached(*vehicles):
-    """Return a world with vehicles side by side, 5 m apart, and data with all of them hovering."""
     world = mujoco.MjSpec()
     for k, name in enumerate(vehicles):
         child = mujoco.MjSpec.from_file(str(model_folder(name) / f"{name}.xml"))
@@ -175,7 +171,6 @@ def scene(folder):
 
 @pytest.fixture(scope="module")
 def rebuilt(name, tmp_path_factory):
-    """A copy of the models, whose meshes build.py has made again."""
     copy = tmp_path_factory.mktemp("models") / "models"
     shutil.copytree(models_folder(), copy, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.rmtree(copy / name / "assets")
@@ -202,7 +197,6 @@ def test_what_is_drawn_touches_nothing(scene):
 
 @pytest.mark.slow
 def test_meshes_are_what_build_makes(folder, rebuilt):
-    """Nobody edited a mesh, and none is left over."""
     stored, made = (
         {path.name: path for path in (place / "assets").glob("*.obj")}
         for place in (folder, rebuilt)

@@ -48,7 +48,6 @@ def vehicle(request):
 
 @pytest.fixture(scope="module")
 def shots(vehicle, tmp_path_factory):
-    """Return what each camera sees."""
     out = tmp_path_factory.mktemp("render") / "shots.npz"
     draws(RENDER, str(MODELS / vehicle / "scene.xml"), str(out))
     return np.load(out)

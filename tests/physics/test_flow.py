@@ -123,7 +123,6 @@ def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, c
 
 @given(u=speed, v=speed, w=sinking, col=stick, a=tilt, b=tilt, lon=tilt, lat=tilt)
 def test_shaft_power_is_work_and_heat(numbers, u, v, w, col, a, b, lon, lat):
-    """What the shaft gives is the work of the hub's force on the vehicle and what the air keeps."""
     main = turning(numbers, u, v, w, col=col, tips=(a, b), swashplate=(lon, lat))
     force = main.thrust * np.array(rotors.normal(numbers, (a, b)))
     force += [main.drag_x, main.drag_y, 0.0]
@@ -210,7 +209,6 @@ def found(par, pitch, edgewise, side, down=0.0):
 @pytest.mark.parametrize("edgewise", [0.0, 5.0, 10.0, 20.0])
 @pytest.mark.parametrize("side", [0.0, 2.0])
 def test_thrust_is_the_strips(par, pitch, edgewise, side):
-    """From hover to mu = 0.17, straight and sideways."""
     thrust, _ = balanced(pitch, edgewise, side)
     # the closed form takes no notice of reversed flow, which has mu^3 of a share in the lift, and
     # momentum theory's mass flow is rounded off at slow speed
@@ -219,7 +217,6 @@ def test_thrust_is_the_strips(par, pitch, edgewise, side):
 
 @pytest.mark.parametrize("edgewise", [0.0, 10.0, 20.0])
 def test_torque_is_the_strips(par, edgewise):
-    """Induced and profile torque at the shaft."""
     _, torque = balanced(0.127, edgewise, 0.0)
     # at 20 m/s: reversed flow in thrust and inflow, 1.3 % each, radial flow along the blades, which
     # strips don't feel, 1 %; a disc without flapping has less drag of lift than one in equilibrium
@@ -285,7 +282,6 @@ def test_in_a_hovers_wake_each_radius_has_its_own_load(depth):
 
 
 def test_far_behind_a_fast_rotor():
-    """Twice the disc's, as behind a wing: between the two halves of the tube."""
     tilt = 0.01
     # less what the tube's near end leaves at a distance x, 1 / (2 x)^2
     assert downwash(-20.0, 20.0 * tilt, 0.5 * math.pi - tilt) == pytest.approx(2.0, abs=1e-3)
@@ -318,7 +314,6 @@ def tail_wash(par, u, v, inflow):
 
 
 def test_the_tail_enters_the_wake_with_speed(par):
-    """Nothing in hover; from 5 m/s on it washes over the tail; sideways and back it stays away."""
     assert tail_wash(par, 0.0, 0.0, 0.031) == pytest.approx(0.0, abs=1e-12)
     place = np.array([par[PARAM.tail_x] - par[PARAM.hub_x], par[PARAM.tail_z] - par[PARAM.hub_z]])
     for speed, inflow in ((5.0, 0.022), (20.0, 0.013)):
@@ -407,7 +402,6 @@ def test_drag_behind_the_centre_turns_into_the_wind(par):
 
 
 def test_hub_and_fuselage_take_pressure_from_what_is_behind_them(par):
-    """All of it in flow from ahead, by its part in other flow, none from aside and behind."""
     par[PARAM.fin_area] = 0.01
     for u, v, left in ((20.0, 1e-3, 0.6), (10.0, 10.0, 0.8), (0.0, 10.0, 1.0), (-10.0, 5.0, 1.0)):
         forces = []
@@ -417,7 +411,6 @@ def test_hub_and_fuselage_take_pressure_from_what_is_behind_them(par):
 
 
 def test_a_fin_can_push(par):
-    """A positive incidence pushes the tail left in straight flight."""
     par[[PARAM.fin_cosine, PARAM.fin_sine]] = math.cos(0.05), math.sin(0.05)
     pushed = fin(par, Velocities(20.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
     assert pushed.fy < 0.0 < pushed.mz
@@ -492,7 +485,6 @@ def test_it_stalls_smoothly():
 
 @given(u=component, v=component, w=component, p=turn, q=turn, r=turn)
 def test_surfaces_take_energy_from_every_motion(jr700, u, v, w, p, q, r):
-    """Over the whole sphere of flows, and turning: lift is never driven by still air."""
     par = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     par[[PARAM.tailplane_area, PARAM.tailplane_sine, PARAM.fin_sine]] = 0.01, 0.1, -0.1
     motion = Velocities(u, v, w, p, q, r)

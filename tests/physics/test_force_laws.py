@@ -16,7 +16,7 @@ from helisim.physics import rotor as tail_rotor
 from helisim.physics.flow import Flow, wash
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import Velocities
-from helisim.vehicle.trim import Motion, motion_rates, write_motion
+from helisim.vehicle.trim import Motion, write_motion
 from plates import H3_120
 
 speed = st.floats(-4.0, 4.0)
@@ -45,7 +45,6 @@ def wrench(par, act, motion, speed_ratio=1.0):
 def lifting(
     par, u=0.0, v=0.0, w=0.0, p=0.0, q=0.0, r=0.0, *, speed_ratio=1.0, col=0.0, tips=(0.0, 0.0)
 ):
-    """Return what the main rotor does, its swashplate level."""
     motion = Velocities(u, v, w, p, q, r)
     return main_rotor.main_rotor(par, motion, speed_ratio, col, tips, (0.0, 0.0))
 
@@ -70,7 +69,6 @@ def test_drag_is_half_rho_v_squared(par):
 
 
 def test_stopped_rotor_has_no_hub_moment(par):
-    """A rotor that stands still has no tip-path plane: its hub spring does nothing."""
     moment = wrench(par, activations(0.1, -0.1), (0.0,) * 6, 0.0)
     assert moment == pytest.approx(np.zeros(6), abs=0.0)
 
@@ -240,7 +238,6 @@ def test_euler_angles_are_scipys(free, phi, theta, psi):
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_straight_up_and_down_are_right_angles(up):
-    """Where rounding makes a sine a little more than 1."""
     _, theta, _ = frames.euler_angles([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, up * (1.0 + 4e-16), 0.0, 0.0])
     assert theta == up * 0.5 * np.pi
 
@@ -254,37 +251,7 @@ def test_to_world_is_the_field_rotation(free, phi, theta, psi, u, v, w):
     assert ned == pytest.approx(direct, abs=1e-12)
 
 
-@given(
-    phi=st.floats(-1.0, 1.0),
-    theta=st.floats(-1.0, 1.0),
-    psi=yaw,
-    rates=st.tuples(*[st.floats(-2.0, 2.0)] * 3),
-    velocity=st.tuples(*[st.floats(-5.0, 5.0)] * 3),
-)
-def test_motion_rates_are_mujocos_motion(free, phi, theta, psi, rates, velocity):
-    """What the field's kinematics predict is where MuJoCo's integration goes."""
-    model, data = free
-    p, q, r = rates
-    u, v, w = velocity
-    start = Motion(u=u, v=v, w=w, p=p, q=q, r=r, phi=phi, theta=theta, psi=psi)
-    write_motion(model, data, start)
-    mujoco.mj_forward(model, data)
-    predicted = motion_rates(data, start)[6:]
-    h = 1e-5
-    ends = []
-    for sign in (1.0, -1.0):
-        qpos = data.qpos.copy()
-        mujoco.mj_integratePos(model, qpos, data.qvel, sign * h)
-        matrix = np.zeros(9)
-        mujoco.mju_quat2Mat(matrix, qpos[3:7])
-        ends.append([*frames.euler_angles(matrix), *frames.flip(*qpos[:3])])
-    found = (np.array(ends[0]) - ends[1]) / (2.0 * h)
-    # truncation h^2 x third derivative (below 1e3), rounding 1e-15 / h
-    assert found == pytest.approx(predicted, abs=1e-6)
-
-
 def test_a_leaning_shaft_turns_velocities_and_forces(par):
-    """Its axes are the body's, nose down by the lean, as scipy turns them."""
     par[[PARAM.shaft_cosine, PARAM.shaft_sine]] = np.cos(0.1), np.sin(0.1)
     moving = frames.to_shaft(par, frames.Velocities(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     turn = Rotation.from_euler("y", -0.1).inv()

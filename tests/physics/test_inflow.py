@@ -67,7 +67,6 @@ def test_forward_flight_is_glauerts(x, edgewise):
 
 @pytest.mark.parametrize("edgewise", [0.25, 0.5, 0.75])
 def test_edgewise_flow_calms_the_ring(edgewise):
-    """Between, v falls steadily from the ring's to Glauert's, at every descent."""
     for x in np.linspace(-2.0, -0.3, 18):
         slower, faster = induced_velocity(x, edgewise - 0.05), induced_velocity(x, edgewise)
         assert faster < slower
@@ -151,7 +150,6 @@ def test_the_answer_is_the_only_one(free, advance, climb):
 
 @given(free=st.floats(-0.4, 0.4), climb=st.floats(0.0, 0.3))
 def test_in_hover_and_climb_newton_starts_at_the_answer(free, climb):
-    """Where the balance is quadratic: with no step at all."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(inflow, "_MAX_ITERATIONS", 0)
         v, thrust = balance(free, SLOPE, NEVER, math.copysign(climb, free), 0.0, 0.0)

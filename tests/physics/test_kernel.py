@@ -26,7 +26,6 @@ main_rotor = njit(rotors.main_rotor)
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, collective=stick)
 def test_compiled_laws_give_what_python_gives(jr700, u, v, w, p, q, collective):
-    """All that the main rotor does, to rounding."""
     par = jr700.model.actuator_user[jr700.model.actuator("rotor").id]
     given_ = (par, Velocities(u, v, w, p, q, 0.0), 1.0, collective, (0.03, 0.06), (0.02, 0.0))
     # LLVM may turn x**2 and the like into other operations: some units in the last place
@@ -34,8 +33,6 @@ def test_compiled_laws_give_what_python_gives(jr700, u, v, w, p, q, collective):
 
 
 def test_compiled_code_knows_the_index_of_each_name():
-    """A parameter, a state, and how far they are from each other."""
-
     @njit
     def places():
         return PARAM.magic, PARAM.dropout_r, STATE.flap_b, STATE.flap_b - STATE.flap_a
@@ -44,8 +41,6 @@ def test_compiled_code_knows_the_index_of_each_name():
 
 
 def test_a_name_that_does_not_exist_is_not_compiled():
-    """A misspelt parameter fails when compiled, not in flight."""
-
     @njit
     def wrong(numbers):
         return numbers[PARAM.main_raduis]  # pyright: ignore[reportAttributeAccessIssue]

@@ -52,7 +52,6 @@ def test_blade_elements_and_momentum_meet(pitch, climb, advance):
 
 @given(pitch=pitches, climb=climbs, advance=advances, nearness=st.floats(0.0, 0.4))
 def test_upside_down_all_signs_change(pitch, climb, advance, nearness):
-    """Pitch and climb reversed, the rotor pulls the other way, to the bit."""
     inflow, thrust = solve(pitch, climb, advance, nearness=nearness)
     assert solve(-pitch, -climb, advance, nearness=nearness) == (-inflow, -thrust)
 
@@ -81,7 +80,6 @@ def drag_of_blades(advance):
 
 @pytest.mark.parametrize("advance", [0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.8, 1.5, 3.0, 10.0])
 def test_drag_of_the_blades_is_the_sum_over_them(advance):
-    """Radial and reversed flow included, from hover to a rotor that hardly turns."""
     torque, drag = rotor.profile_drag(advance)
     summed_torque, summed_drag = drag_of_blades(advance)
     # the closed forms' greatest errors, between the limits where they are exact
@@ -120,7 +118,6 @@ def test_power_rises_past_the_stall():
 
 
 def test_twist_does_not_matter_in_hover():
-    """Pitch is that at 3/4 of the radius: sum over the blade of r^2 theta(r) is the same."""
     r = (np.arange(4000) + 0.5) / 4000
     for advance in (0.0, 0.3):
         pitch, twist = 0.1, -0.2

@@ -42,7 +42,6 @@ ODD = {"tail", "b", "s", "p", "r", "v"}
 
 
 def models_of(vehicle, parameters):
-    """Return the models of a vehicle with so much more, and of its mirror image."""
     own = vehicle.parameters.replace({**RICH, **parameters})
     models = assemble("jr700", own), assemble("jr700", mirrored(own))
     mirrored_parts(models[1])
@@ -131,7 +130,6 @@ def sweeping(model, axis, seed):
 
 @pytest.fixture
 def flights(jr700):
-    """Four vehicles with sweeps of their own, and a common start."""
     models = []
     for axis in range(4):
         model = copy.copy(jr700.model)
@@ -145,7 +143,6 @@ def flights(jr700):
 
 
 def test_batch_threads_do_not_matter(flights):
-    """mujoco.batch takes the callbacks; one thread and two give the same bits as rollout."""
     models, state, ctrl = flights
     ends = []
     for threads in (1, 2):
@@ -182,7 +179,6 @@ def airless():
 
 
 def test_what_touches_it_makes_up_for_its_acceleration(airless):
-    """Pushed askew into the ground: mass times (acceleration less gravity) (Newton)."""
     model = airless.grounded_model(
         lambda spec, _: spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
     )

@@ -22,7 +22,6 @@ def bursts(share, seed, count=TIME.size):
 
 
 def sweep():
-    """Return a sweep to 8 Hz, and what a lag of 0.1 s makes of it."""
     u = np.sin(2.0 * np.pi * (0.2 * TIME + 0.5 * 7.8 / 30.0 * TIME**2))
     y = np.zeros(u.size)
     for k in range(u.size - 1):
@@ -61,7 +60,6 @@ def test_a_burst_of_a_fast_sweep_is_expected_from_both_sides():
 
 
 def test_noise_is_no_part_of_what_is_expected():
-    """The answer to a known input comes back with its size, however large the noise on it is."""
     values, lost = sweep(), bursts(0.2, 2)
     noisy = values + np.random.default_rng(3).normal(0.0, [0.0, 0.3], values.shape)
     noisy[lost, 1] = 0.0

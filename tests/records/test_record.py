@@ -25,7 +25,6 @@ def make_record(**changes) -> FlightRecord:
 
 
 def test_channels_are_addressed_by_name():
-    """(n_time,), or (n_time, n_name) for several; an unknown one lists those that exist."""
     record = make_record()
     np.testing.assert_array_equal(record["p"], 10.0 * record.time)
     np.testing.assert_array_equal(record.select(["p", "lat"]), record.values[:, ::-1])
@@ -104,7 +103,6 @@ def noise(seed, level=0.01):
     seed=st.integers(0, 99),
 )
 def test_a_spike_is_found_where_it_is(at, width, size, up, seed):
-    """One or two samples wide, up or down, anywhere but at the very ends; and nothing else."""
     values = SWEEP + noise(seed)
     # 8 usual steps: at the sweep's fastest, 0.6 x 80 rad/s x 10 ms x 0.64 each
     values[at : at + width] += (3.0 if up else -3.0) * size
@@ -130,7 +128,6 @@ SIGNALS = {
 
 @pytest.mark.parametrize("signal", SIGNALS)
 def test_a_signal_is_no_spike(signal):
-    """Fast, coarse, held or stepped: what a sensor may see is left alone."""
     assert not spikes(SIGNALS[signal]).any()
 
 

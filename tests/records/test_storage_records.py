@@ -36,7 +36,6 @@ SMALL = FlightRecord(
 
 
 def make_record(n: int = 50, provenance: dict | None = None) -> FlightRecord:
-    """Numbers that no short decimal represents, on standard and odd channels."""
     rng = np.random.default_rng(7)
     channels = (channel("lat"), channel("LAT"), channel("p"), AWKWARD)
     return FlightRecord(
@@ -49,7 +48,6 @@ def make_record(n: int = 50, provenance: dict | None = None) -> FlightRecord:
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_record_comes_back_exactly_and_equal_ones_are_equal_bytes(tmp_path, suffix):
-    """A file depends on the record alone: not on the clock, nor on the order of keys."""
     record = make_record()
     assert read_record(write_record(record, tmp_path / f"flight{suffix}")) == record
     origins = ({"a": 1, "b": [2, {"c": 3, "d": 4}]}, {"b": [2, {"d": 4, "c": 3}], "a": 1})
@@ -66,7 +64,6 @@ def test_a_record_comes_back_exactly_and_equal_ones_are_equal_bytes(tmp_path, su
 )
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_any_finite_double_survives(tmp_path_factory, suffix, values, seed):
-    """Subnormals, minus zero and the largest doubles come back bit for bit."""
     path = tmp_path_factory.mktemp("any") / f"flight{suffix}"
     record = FlightRecord(
         np.arange(len(values)), np.array(values)[:, None], (channel("p"),), {"seed": seed}
@@ -123,7 +120,6 @@ def headed(table, **changes):
 
 
 def with_p(table, row, value):
-    """Return a table with another column p: 1 up to a row, the value from there on."""
     kind = pa.string() if isinstance(value, str) else pa.float64()
     field = pa.field("p", kind, metadata=table.schema.field("p").metadata)
     return table.set_column(3, field, pa.array([1.0] * row + [value] * (50 - row), kind))
@@ -189,7 +185,6 @@ def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
 
 @tabled("name", "text", "read")
 def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read):
-    """Nesting that exhausts the stack, endless numbers, cut or foreign files name the file."""
     path = tmp_path / name
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(StorageError, match=name.replace(".", r"\.")):
@@ -205,7 +200,6 @@ def test_a_toml_value_comes_back(value):
 
 
 def heave(seed, n=3000):
-    """A vertical speed that answers the collective, as a record without provenance."""
     rng = np.random.default_rng(seed)
     col = np.convolve(rng.standard_normal(n), np.ones(9) / 9.0, "same")
     w = np.zeros(n)
@@ -217,7 +211,6 @@ def heave(seed, n=3000):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """One file of each kind that the commands write, by kind."""
     folder = tmp_path_factory.mktemp("files")
     for name, seed in (("sweep", 1), ("other", 2)):
         write_record(heave(seed), folder / f"{name}.parquet")

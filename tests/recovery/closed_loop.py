@@ -110,7 +110,6 @@ class Rig:
 def quadratic_gain(
     structure: Structure, values: Mapping[str, float], states: Mapping[str, float], inputs: float
 ) -> NDArray[np.float64]:
-    """Return the linear-quadratic gain for weights of the states' and inputs' squares."""
     model = linear(structure, values)
     a, b = model.a, model.b
     weight = np.diag([states.get(name, 0.0) for name in structure.states])
@@ -126,7 +125,6 @@ def sweep(
     trim: float = 3.0,
     fade: float = 2.0,
 ) -> NDArray[np.float64]:
-    """Return the sweep of design section 6 at a rate, in trim for some time before and after."""
     low, high = band
     span = duration - 2.0 * trim
     t = np.arange(round(duration * rate)) / rate - trim
@@ -140,14 +138,12 @@ def sweep(
 def coloured(
     random: np.random.Generator, samples: int, rms: float, cutoff: float, rate: int
 ) -> NDArray[np.float64]:
-    """Return noise below `cutoff` rad/s with the given rms."""
     sections = butter(2, cutoff / (np.pi * rate), output="sos")
     noise = sosfiltfilt(sections, random.standard_normal(samples))
     return noise * (rms / np.std(noise))
 
 
 def delayed(column: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Return a column later by a number of samples, at rest before."""
     return np.concatenate([np.zeros(samples), column[: column.size - samples]])
 
 
@@ -193,14 +189,12 @@ class Aircraft:
         return bool(np.any(self.rig.gain))
 
     def fly(self, seed: int) -> list[FlightRecord]:
-        """Return the records of one replicate."""
         return [
             self.rig.fly(seed=100 * seed + number, **asdict(one))
             for number, one in enumerate(self.sweeps)
         ]
 
     def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the true response at frequencies in rad/s, (n_out, n_in, n_freq)."""
         return response(self.structure, self.truth, frequency)
 
 
@@ -212,7 +206,6 @@ def swept(
     duration: float,
     off_axis: float,
 ) -> Aircraft:
-    """Return an aircraft with two sweeps an axis."""
     common: dict[str, Any] = {"band": band, "duration": duration, "off_axis": off_axis}
     sweeps = [Sweep(axis=axis, amplitude=size, **common) for axis, size in amplitudes.items()]
     return Aircraft(name, rig, tuple(one for one in sweeps for _ in range(2)))

@@ -16,17 +16,9 @@ RATE = 2000  # of the simulation, Hz
 KEEP = 20  # one recorded sample in so many simulated ones: 100 Hz
 
 
-ROLLPITCH_IN1 = {
-    "tau_f": 0.04456, "L_b": 539.5, "M_a": 315.1, "A_b": -0.3514, "B_a": 0.5340, "A_lat": 0.06571,
-    "A_lon": 0.3697, "B_lat": 0.3778, "B_lon": -0.06070, "tau_lat": 0.0115, "tau_lon": -0.0083,
-}  # fmt: skip
-"""Wu and Chen, Table 3, [IN1 OUT]."""
-
-
 def respond(
     structure: Structure, values: Mapping[str, float], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the plant's outputs at the simulation rate, delays of either sign included."""
     model = linear(structure, values)
     time = np.arange(inputs.shape[0]) / RATE
     outputs = []

@@ -23,7 +23,6 @@ class Recovery:
 
     @property
     def inside(self) -> int:
-        """How many parameters are inside their bounds."""
         return sum(value <= 1.0 for value in self.excess.values())
 
     @property
@@ -47,7 +46,6 @@ def recover(aircraft: Aircraft, seed: int, estimator: str = "local") -> Recovery
 def estimated(
     aircraft: Aircraft, records: list[FlightRecord], estimator: str = "local"
 ) -> FrequencyResponse:
-    """Return the response with default options, the sticks as references where a loop is closed."""
     with warnings.catch_warnings():
         for name in ("ClosedLoop", "CrossControl", "RecordQuality"):
             category = getattr(ident, f"{name}Warning")
@@ -63,7 +61,6 @@ def estimated(
 
 
 def excess(fit: Fit, aircraft: Aircraft) -> dict[str, float]:
-    """Return each parameter's |error| over its bound."""
     truth = aircraft.truth.items()
     return {name: abs(fit[name].value - value) / bound(fit, name) for name, value in truth}
 

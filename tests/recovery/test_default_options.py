@@ -51,7 +51,6 @@ def test_the_747_is_the_examples():
 
 
 def dutch_roll(a):
-    """Return frequency and damping of a matrix's oscillation."""
     pole = max(np.linalg.eigvals(a), key=lambda value: value.imag)
     return abs(pole), -pole.real / abs(pole)
 

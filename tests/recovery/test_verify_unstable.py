@@ -32,14 +32,12 @@ def aircraft(name: str) -> Aircraft:
 
 @cache
 def flight(name: str) -> FlightRecord:
-    """Return 24 s of the first sweep of an aircraft, in calm air."""
     one = aircraft(name)
     sweep = {**asdict(one.sweeps[0]), "duration": 24.0}
     return replace(one.rig, gust={}).fly(seed=5, **sweep)
 
 
 def verified(name: str, **changes: float):
-    """Return how well an aircraft's true model predicts that flight, changes made to it."""
     one = aircraft(name)
     return verify(exactly(one.structure, **{**one.truth, **changes}), flight(name))
 
@@ -104,7 +102,6 @@ def roll(effect: float = EFFECT):
 
 
 def test_the_exact_flight_is_predicted_and_a_gain_that_is_off_shows_as_its_share():
-    """A sensor's bias is found; 0.7 of the effect leaves Theil's coefficient of 0.3 / 1.7."""
     found = verify(roll(), rolled(1500, bias=0.3, noise=0.0))
     assert found.j_rms < 1e-10
     assert found.traces[0].bias[0] == pytest.approx(0.3, abs=1e-9)
@@ -153,7 +150,6 @@ def test_units_of_outputs_change_no_coefficient():
 
 
 def test_what_was_done_is_in_text_and_json(tmp_path):
-    """Pole, time to double and segments; they come back from a file of results."""
     found = verify(roll(), rolled(1500))
     text, plain = str(found), json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert "unstable: its pole 0.8 rad/s doubles an error in 0.866 s" in text
@@ -169,6 +165,5 @@ def test_what_was_done_is_in_text_and_json(tmp_path):
 
 @tabled("options", "message")
 def test_what_can_not_be_predicted_is_refused(options, message):
-    """Too few samples for a state, and times that a record doesn't hold."""
     with pytest.raises(InputError, match=message):
         verify(roll(), rolled(1500), **options)

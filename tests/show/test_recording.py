@@ -19,7 +19,7 @@ from helisim.show.plots import families
 from helisim.show.recording import model_shapes, write_recording
 from helisim.show.viewer import SLOWED, TILT_GAIN
 from helisim.sim import Deck, FlightPlan, Ground, Pulse, Swing, fly
-from made_run import make_flight, write_run
+from made_run import make_flight
 from tabled import tabled
 
 SINGLE = 1e-6
@@ -28,7 +28,6 @@ SPEED = 178.0
 
 
 def read(path) -> dict[str, dict[str, np.ndarray]]:
-    """Return the recording as entity -> column -> array, the time in whole nanoseconds."""
     contents: dict[str, dict[str, np.ndarray]] = {}
     for chunk in RrdReader(path).stream():
         batch = chunk.to_record_batch()
@@ -42,7 +41,6 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
 
 
 def numbers(rows) -> np.ndarray:
-    """Return nested lists as an array of floats."""
     return np.array(rows.tolist(), dtype=float)
 
 
@@ -53,7 +51,6 @@ def model(jr700):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory, model):
-    """A flight of 300 samples at 100 Hz, and its recording, which shows every second one."""
     record = make_flight(
         parameters={"main_rotor.hub_stiffness": 86.0, "main_rotor.speed": SPEED},
         reached={"phases": [[0.02, "hover"], [1.5, "flare"]]},
@@ -182,17 +179,6 @@ def test_a_log_becomes_a_recording(tmp_path, capsys):
     assert out.stat().st_size > 0
     assert main(["rerun", str(log), "--out", str(out), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
-
-
-@pytest.mark.slow
-def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
-    write_run(tmp_path)
-    assert main(["rerun", str(tmp_path), "--out", str(tmp_path / "run.rrd")]) == 0
-    capsys.readouterr()
-    assert main(["report", str(tmp_path)]) == 0
-    assert f"Written: {tmp_path / 'report.html'}" in capsys.readouterr().out
-    figures = list((tmp_path / "figures").iterdir())
-    assert len(figures) == 5 + 2 + 1  # pairs, sweeps, a verification
 
 
 def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):

@@ -31,7 +31,6 @@ def blade360():
 
 
 def standing(vehicle, ground, rotor=0.0):
-    """Return a model and data with the vehicle on its landing gear, its rotor at some speed."""
     model = vehicle.grounded_model(ground.put_into)
     data = mujoco.MjData(model)
     replace(ground, parked=True).begin(vehicle, model, data)
@@ -41,12 +40,10 @@ def standing(vehicle, ground, rotor=0.0):
 
 
 def grip(model):
-    """Let nothing slide."""
     model.geom_friction[:, 0] = 2.0
 
 
 def stepped(model, data, seconds):
-    """Step, and return time, position and force of contact at each step, (n,), (n, 3), (n, 3)."""
     rows = []
     with installed():
         while data.time < seconds:
@@ -103,19 +100,6 @@ def test_a_fall_is_stopped_by_skids_that_give_way(name, integrator):
     assert bounce[len(bounce) // 2 :].max() < 1e-3
 
 
-@pytest.mark.slow
-def test_it_stands_on_a_deck_that_moves(jr700):
-    heave = Swing(amplitude=0.5, period=6.0, phase=0.4)
-    model, data = standing(jr700, Ground(deck=Deck(heave=heave)))
-    time, position, contact = stepped(model, data, 30.0)
-    mass, step = model.body_subtreemass[1], model.opt.timestep
-    acceleration = -(heave.frequency**2) * heave.at(time - step)  # sensors are of the step's start
-    # the skids' own springs add (0.16 Hz / 8 Hz)^2
-    assert -contact[1000:, 2] == pytest.approx(mass * (9.8015 + acceleration[1000:]), rel=1e-3)
-    rise = position[:, 2] - heave.at(time)
-    assert np.ptp(rise) < 1e-3
-
-
 def test_the_deck_moves_as_it_is_told():
     """The heavy body on springs keeps to its sines, with a helicopter on it, as `pose` has it."""
     model, data = standing(hs.load(integrator="Euler"), Ground(deck=SWAYING))
@@ -155,7 +139,6 @@ def flown(vehicle, plan):
 
 
 def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
-    """Return the plan of a stick that is held over from a second on."""
     step = hs.Step(axis=axis, amplitude=amplitude, trim_time=1.0, duration=duration)
     return hs.FlightPlan(
         excitation=step, pilot=QUIET, ground=ground, weather=hs.Weather(height=height)
@@ -163,7 +146,6 @@ def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
 
 
 def test_it_takes_off_by_itself_and_a_landing_is_no_end(jr700):
-    """Parked, the pilot that holds a height climbs there, and the ground lets go at once."""
     still, weather = replace(STILL, duration=10.0), hs.Weather(height=1.5)
     parked = {"pilot": QUIET, "ground": Ground(parked=True), "weather": weather}
     flight = flown(jr700, hs.FlightPlan(excitation=still, **parked))
@@ -187,14 +169,7 @@ def test_ends_and_their_reasons(jr700, plan, why):
     assert re.search(why, end.why)
 
 
-@pytest.mark.parametrize(
-    "ground",
-    [
-        pytest.param(Ground(slope=0.1), id="uphill", marks=pytest.mark.slow),
-        pytest.param(Ground(slope=0.1, uphill=0.5 * math.pi), id="across", marks=pytest.mark.slow),
-        pytest.param(Ground(deck=SWAYING), id="deck"),
-    ],
-)
+@tabled("ground")
 def test_a_mission_takes_off_and_lands_again(jr700, ground):
     mission = TakeOffHoverLand(height=3.0, hover=3.0)
     plan = hs.FlightPlan(mission=mission, pilot=QUIET, ground=replace(ground, parked=True))

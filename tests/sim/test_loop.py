@@ -1,7 +1,6 @@
 """Inside the loop: the pedal's latency, the integrator's order, the pilot's remnant."""
 
 import copy
-from itertools import pairwise
 
 import control
 import mujoco
@@ -13,17 +12,12 @@ import helisim as hs
 import own_laws
 from helisim.base.errors import ModelError
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.native import installed
-from helisim.records.record import IN1, SERVOS
-from helisim.sim import Doublet, Sweep
-from helisim.sim.flight import fly, simulate
+from helisim.sim import Sweep
+from helisim.sim.flight import simulate
 from helisim.sim.plan import FlightPlan, Pilot
-from helisim.sim.recorder import Recorder
 from helisim.vehicle import Controller, load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
-from helisim.vehicle.trim import Motion, place, write_motion
-from plates import H3_120
 
 OTHERS = [pytest.param(*one, marks=pytest.mark.slow) for one in ((0.001, "RK4"), (0.002, "Euler"))]
 
@@ -31,7 +25,6 @@ OTHERS = [pytest.param(*one, marks=pytest.mark.slow) for one in ((0.001, "RK4"),
 @pytest.mark.parametrize(("axis", "moves"), [("lat", "pq"), ("lon", "qp"), ("ped", "r")])
 @pytest.mark.parametrize(("timestep", "integrator"), [(0.002, "RK4"), *OTHERS])
 def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrator):
-    """Driven by the recorded sticks, the exact linear model moves as the nonlinear flight does."""
     vehicle = load(timestep=timestep, integrator=integrator)
     excitation = Sweep(
         axis=axis, duration=30.0, amplitude=0.002, leakage=0.0, unsteadiness=0.0, trim_time=2.0
@@ -52,68 +45,6 @@ def test_the_sampled_linear_model_is_what_flies(axis, moves, timestep, integrato
         assert np.std(found - flown) < 0.01 * np.std(flown), motion
 
 
-def final_state(timestep, *, pilot):
-    """Fly 0.6 s from a small disturbance; return every state, not the rates kept of them."""
-    vehicle = load(timestep=timestep)
-    model = copy.copy(vehicle.model)
-    if pilot:
-        numbers = model.actuator_user[addresses(model).rotor]
-        Pilot(remnant=0.0).write(numbers, vehicle, seed=1, height=10.0)
-    data = mujoco.MjData(model)
-    place(model, data, vehicle.trim)
-    small = Motion(u=0.05, v=0.03, w=-0.02, p=0.05, q=-0.03, r=0.04, phi=vehicle.trim.phi, down=-10)
-    write_motion(model, data, small)
-    with installed():
-        for _ in range(round(0.6 / timestep)):
-            mujoco.mj_step(model, data)
-    kept = addresses(model).state + np.r_[STATE.flap_a_rate : STATE.warming_rate + 1]
-    return np.concatenate([data.qpos, data.qvel, np.delete(data.act, kept)])
-
-
-def convergence(timesteps, *, pilot):
-    states = [final_state(timestep, pilot=pilot) for timestep in timesteps]
-    errors = [np.linalg.norm(one - two) for one, two in pairwise(states)]
-    return errors[0] / errors[1]
-
-
-def test_integration_is_fourth_order():
-    """Halving the step divides the error of servos, rotor and body by 2^4; the gyro has none."""
-    ratio = convergence((0.001, 0.0005, 0.00025), pilot=False)
-    # 2^4 = 16 in the limit; of the 2 ms filter's fifth order, up to 2^5, some is left (21)
-    assert 14.0 < ratio < 26.0
-
-
-SWEPT = ("sticks", "servo_commands", "servo_positions", "flapping", "rotor", "rates")
-SWEPT += ("attitudes", "velocities", "specific_forces", "positions")
-
-
-def swept(axis, timestep, integrator):
-    vehicle = load(timestep=timestep, integrator=integrator)
-    sweep = Sweep(axis=axis, duration=25.0, trim_time=2.0)
-    truth = next(simulate(vehicle, sweep, seed=4, jobs=1)).at_ticks()
-    return {name: getattr(truth, name) for name in SWEPT}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("axis", ["lat", "ped"])
-def test_one_evaluation_a_step_flies_as_four(axis):
-    """With Euler's staggered steps every signal of a sweep converges to that of fine RK4 steps.
-
-    Of first order is left half a step of the airframe's own damping, of about 1/s, and of the
-    pilot's attitude, held at about 1 rad/s: 0.1 % each at 2 ms, which may add up. Steps that
-    are not staggered would damp roll and pitch by 2 to 4 % less.
-    """
-    fine = swept(axis, 0.0005, "RK4")
-    errors = []
-    for step, most in ((0.002, 0.002), (0.001, 0.001)):
-        coarse = swept(axis, step, "Euler")
-        error = {name: np.std(coarse[name] - fine[name], axis=0) for name in SWEPT}
-        for name in SWEPT:
-            assert error[name].max() < most * np.std(fine[name], axis=0).max(), name
-        errors.append(np.linalg.norm(error["rates"]))
-    assert 1.9 < errors[0] / errors[1] < 4.0
-
-
 def test_remnant_is_what_was_asked(jr700):
     steady, human = Pilot(remnant=0.0), Pilot(remnant=0.01)
     excitation = Sweep(axis="col", duration=40.0, amplitude=1e-6, band=(0.3, 1.0))
@@ -132,19 +63,6 @@ def test_remnant_is_what_was_asked(jr700):
 # Three swashplate servos and the tail servo in flight: their limits, and what is recorded
 
 
-def test_four_servo_signals_are_recorded_and_give_in1(jr700):
-    doublet, kept = (
-        Doublet(axis="ped", amplitude=0.3, width=0.2),
-        Recorder(latency={}, antialias_hz=49),
-    )
-    record = fly(jr700, FlightPlan(excitation=doublet, recorder=kept), jobs=1)[0]
-    assert set(SERVOS) <= set(record.names)
-    front, left, right, tail = record.select(SERVOS).T
-    recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])
-    assert record.select(IN1) == pytest.approx(recomputed, abs=1e-15)  # rounding
-    assert np.abs(record["ped"]).max() > 0.45  # the gyro's own limit of 0.5, filtered
-
-
 # Controllers in models: of MuJoCo's own steps, of several helicopters, of other processes.
 
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
@@ -155,7 +73,6 @@ def same(one, other):
 
 
 def test_without_a_controller_the_servos_are_the_callers_also_in_a_flight(jr700):
-    """Nothing overwrites their `ctrl`, in steps of one's own."""
     model, data = copy.copy(jr700.model), jr700.hovering()
     hs.set_controller(model, None)
     where = addresses(model)

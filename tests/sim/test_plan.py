@@ -145,7 +145,6 @@ NAMES = {**vars(faults), **vars(autopilot), **vars(sim), **globals()}
 
 @pytest.mark.parametrize("line", TABLE)
 def test_what_can_not_be_is_one_line(jr700, line):
-    """Also what depends on the gyro's rate, or on what a vehicle has of its own."""
     make, says = line.split(" => ")
     with pytest.raises(InputError, match=says) as caught:
         eval(make, {**NAMES, "OWN": jr700.parameters})  # the lines of that file

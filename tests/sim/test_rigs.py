@@ -22,8 +22,6 @@ from helisim.vehicle.trim import Motion, write_motion
 from plates import H3_120
 
 RIGS = ("bench", "suspension", "turntable")
-GAINS = {"gyro.k_p": 0.6, "gyro.k_i": 11.0, "gyro.k_delta": 2.0, "gyro.k_a": 0.4}
-"""Another gyro than the shipped one: what is found then can't be typed anywhere."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +38,6 @@ def percent(finding):
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
-    """Without callbacks, without a warning; mass, inertia, parameters are those in the air."""
     path = models_folder() / "jr700" / "rigs" / f"{rig}.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -64,7 +61,6 @@ def test_a_rig_holds_the_vehicle_as_it_flies_in_stock_mujoco(rig, jr700):
 
 @pytest.mark.slow
 def test_bench_and_turntable_give_the_controllers_gains(ground):
-    """k_p and k_I, given k_delta; k_a, given both, two ways; and the lead on the rate."""
     found = ground["bench"]
     # 0.4 % measured; the resolution of the recorded servo is 2 % of the smallest jump
     assert percent(found["k_p"]) < 1.0
@@ -88,19 +84,7 @@ def test_bench_and_turntable_give_the_controllers_gains(ground):
     assert both == pytest.approx(0.0, abs=2e-4)  # 0.03 to 0.13 ms over seeds 1 to 5
 
 
-@pytest.mark.slow
-def test_the_gains_found_are_those_of_the_vehicle_tested():
-    vehicle = load(parameters=GAINS)
-    bench = bench_test(vehicle)
-    table = rigs.turntable_test(vehicle, k_p=bench["k_p"], k_i=bench["k_I"])
-    # tolerances of the shipped gyro; smaller gains move the servo less
-    assert bench["k_p"].value == pytest.approx(GAINS["gyro.k_p"], rel=0.015)
-    assert bench["k_I"].value == pytest.approx(GAINS["gyro.k_i"], rel=0.002)
-    assert table["k_a"].value == pytest.approx(GAINS["gyro.k_a"], rel=0.005)
-
-
 def made_up(gap, gain, ratio, delay, lead, lead_filter):
-    """A sweep r and the PI loop's exact answer to it, from the analytic response."""
     time = np.arange(6000) * 0.01
     inside = np.clip((time - 5.0) / 50.0, 0.0, 1.0)
     angle = 2.0 * np.pi * (0.3 * 50.0 * inside + 2.5 * 50.0 * inside**2)
@@ -199,13 +183,11 @@ OMEGA = 3.0
 
 
 def wave(width, seconds=10.0):
-    """Return sines of 3 rad/s, each column with an amplitude of its own."""
     time = np.arange(round(seconds / STEP) + 1) * STEP
     return np.sin(OMEGA * time)[:, None] * (0.1 + 0.01 * np.arange(width))
 
 
 def artificial(**changes):
-    """Return a made-up flight whose every signal is a known sine."""
     time = np.arange(5001) * STEP
     widths = dict.fromkeys(("sticks", "servo_commands", "servo_positions", "power"), 4)
     widths |= {"flapping": 2, "rotor": 5, "air": 6, "contact": 3, "rates": 3, "gyro_rates": 3}
@@ -221,7 +203,6 @@ def record(truth, seed=0, **settings):
 
 @pytest.fixture(scope="module")
 def tumbling(jr700):
-    """A lively flight: its truth, and the centre of gravity's own motion from the state."""
     model = jr700.model
     data = jr700.hovering()
     write_motion(model, data, Motion(p=0.8, q=-0.5, r=0.7, u=0.5, phi=jr700.trim.phi, down=-10.0))
@@ -270,7 +251,6 @@ def test_what_the_imu_measures_is_corrected_to_the_centre_of_gravity(tumbling):
 
 @pytest.fixture(scope="module")
 def plain():
-    """What a recorder without latencies or noise sees of the made-up flight."""
     return record(artificial(), **WIDE, **PLAIN)
 
 

@@ -58,7 +58,6 @@ class Served:
         return self._over
 
     def autopilot(self, resend=0.1):
-        """Return a played autopilot, which waits `resend` s before it sends again."""
         self._autopilots.append(played.PlayedAutopilot(self.link.port, resend=resend))
         return self._autopilots[-1]
 
@@ -148,7 +147,6 @@ def test_an_autopilot_that_starts_anew_finds_the_helicopter_on_the_ground(monkey
 
 
 def test_a_late_frame_is_no_start_and_a_strangers_packet_no_end(monkeypatch):
-    """Whenever a lower count comes from the same port, only 0 begins anew."""
     monkeypatch.setattr(link_module, "_AT_ONCE", 0.05)
     with Served() as served:
         autopilot = served.autopilot()
@@ -195,15 +193,6 @@ def test_a_bad_way_stops_nothing():
     assert proof.faults == []
 
 
-@pytest.mark.slow
-def test_a_bad_way_to_the_real_autopilot_stops_nothing(ardupilot):
-    """It waits a second for each answer that it can't read, and flies on."""
-    proof = lock_step.prove_real(2000, ardupilot, share=0.004, seed=3)
-    assert proof.faults == []
-    assert proof.served.frames == 2000
-    assert sum(proof.did.values()) >= 10
-
-
 def test_what_the_proof_looks_for_it_finds(monkeypatch):
     way = {"share": 0.05, "kinds": ("doubled",)}
     assert lock_step.prove(300, **way).faults == []
@@ -221,7 +210,6 @@ SPOOLED = [*LOW[:7], 1700, *LOW[8:]]
 
 @pytest.fixture
 def falling():
-    """A JR700 in a vacuum, its rotor stopped."""
     aircraft = Aircraft("jr700")
     par = aircraft.model.actuator_user[addresses(aircraft.model).rotor]
     par[PARAM.air_density] = 1e-9

@@ -33,7 +33,6 @@ def piloted(copter, said=None):
 
 
 def held(copter, pilot):
-    """Let a copter hang where it is, heard, its parameters those that a hold reads."""
     copter.parameters |= HELD
     copter.place = np.array([3.0, -2.0, -20.0])
     copter.fly(pilot.wait(1.5), pilot)
@@ -107,7 +106,6 @@ def test_modes_are_those_of_pymavlinks_own_list():
 
 @tabled("steps", "seconds", "says")
 def test_what_does_not_come_is_told_in_time(copter, steps, seconds, says):
-    """What it said before doesn't count; of what it said since, the last three."""
     pilot = piloted(copter)
     copter.say("bad day")
     copter.fly(pilot.wait(1.5), pilot)
@@ -121,7 +119,6 @@ def test_what_does_not_come_is_told_in_time(copter, steps, seconds, says):
 
 
 def test_what_it_says_is_kept_and_warnings_are_told(copter):
-    """Severities of syslog: 4 is a warning, 5 a notice; another component's word isn't its."""
     said = []
     pilot = piloted(copter, said)
     assert pilot.telemetry.mode is None
@@ -189,7 +186,6 @@ def test_a_hold_gives_the_thrust_of_its_height(copter, down, sink, thrust):
 
 @pytest.mark.slow
 def test_sweeps_are_flown_one_after_the_other_in_one_place(copter):
-    """Each lasts its wait of 1 s, its time and 2 s; the sticks then rest."""
     copter.parameters |= HELD
     pilot = piloted(copter, said := [])
     sweeps = [Sweep("roll", 0.06, 1.0, 5.0, 10.0), Sweep("yaw", 0.07, 1.0, 5.0, 12.0)]

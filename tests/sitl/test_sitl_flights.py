@@ -27,6 +27,7 @@ from helisim.sitl.systemid import sweeps
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
 from script import loaded
+from tabled import tabled
 
 DOCS = Path(__file__).parents[2] / "docs"
 FAKE = """#!{python}
@@ -171,26 +172,10 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
         fly_script(script, struck, fake(tmp_path, rest), "")
 
 
-AFTER = [
-    ("raise AutopilotError('SystemID Stopped')", 0, 2, "d; it said last: EKF variance$", 4500),
-    ("pilot.aircraft.data.qpos[2] += 1.0", 0, 2, r"crashed at .*hit the .*last: EKF va", 4900),
-]
-AFTER = [pytest.param(*one, marks=pytest.mark.slow) for one in AFTER]
-
-
-@pytest.mark.parametrize(
-    ("does", "dies", "status", "said", "frames"),
-    [
-        ("signal.raise_signal(signal.SIGTERM)", 0, 130, "interrupted", 500),
-        ("signal.raise_signal(signal.SIGINT)", 0, 130, "interrupted", 500),
-        ("pass", 700, 2, r"status 7; its last words: EKF variance$", 700),
-        *AFTER,
-    ],
-)
+@tabled("does", "dies", "status", "said", "frames")
 def test_a_flight_that_ends_early_keeps_log_and_record(
     tmp_path, monkeypatch, capsys, does, dies, status, said, frames
 ):
-    """After a refusal or a crash it flies on for 4 s, so that the log has what led there."""
     rest = ENDS.replace("{dies}", str(dies or -1))
     own, temporary = tmp_path / "own.py", tmp_path / "temporary"
     begins = "import signal\nfrom helisim.base.errors import AutopilotError\ndef fly(pilot):"
@@ -260,7 +245,6 @@ def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, caps
 
 
 def its_parameters_were_taken(log):
-    """Each name of the shipped file is one of ArduPilot's, and no value was limited or refused."""
     shipped = parm_file(model_folder("jr700") / "jr700.parm")
     taken = log.parameters()
     for name, value in shipped.items():
@@ -290,7 +274,6 @@ def its_pulses_are_repeated(log):
 
 @pytest.mark.slow
 def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
-    """Ten seconds of each, in which the autopilot starts; scripts/proof/tour.py is of minutes."""
     records, path = [], tmp_path / "flight.parquet"
     for _ in range(2):
         aircraft, text = Aircraft("jr700", recorded=True), parameters_for("jr700").text
@@ -300,7 +283,7 @@ def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
     assert records[0] == records[1]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def study():
     return loaded("sitl_study")
 
@@ -341,15 +324,9 @@ def test_logs_that_it_wrote_meet_the_bars(study, ardupilot, monkeypatch, tmp_pat
 
 
 @pytest.fixture(scope="module")
-def proof():
-    return loaded("sitl_study")
-
-
-@pytest.fixture(scope="module")
-def flown_jr700(proof):
-    """The vehicle as the autopilot moves it, and the law, by the shipped parameters."""
+def flown_jr700(study):
     parameters = parm_file(model_folder("jr700") / "jr700.parm")
-    return proof.exact_plant(parameters, 0.5, 0.0025), ArduCopterLaw.of(parameters)
+    return study.exact_plant(parameters, 0.5, 0.0025), ArduCopterLaw.of(parameters)
 
 
 def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700):
@@ -368,12 +345,12 @@ def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700):
     assert set(plant.inputs) < set(IN1)
 
 
-def test_ardupilots_own_helicopter_turns_as_its_source_states(proof):
+def test_ardupilots_own_helicopter_turns_as_its_source_states(study):
     """Yaw: 21.6 x 2.96 over s + 2.96, 80 % of the servo's way; 50 ms, and a tick, held for another.
 
     Roll above the rotor's modes: 3588.6 / 0.068232 x 1.7635 of the cyclic over s squared.
     """
-    plant, frequency = proof.ardupilots_helicopter({}), np.array([2.0, 20.0, 300.0])
+    plant, frequency = study.ardupilots_helicopter({}), np.array([2.0, 20.0, 300.0])
     found = plant.response(frequency)
     s = 1j * frequency
     yaw = 21.6 * 2.96 * 0.8 / (s + 2.96) * np.exp(-s * (0.05 + 0.0025 + 0.00125))

@@ -52,36 +52,8 @@ def shipped_law(vehicle, faster=1.0):
     return replace(gyro, c=faster * gyro.c, d=faster * gyro.d, delays={})
 
 
-@pytest.fixture(scope="module")
-def flown(jr700):
-    """Five sweeps of each axis, as `helisim reproduce --flights 5` flies them."""
-    recorder = Recorder.of(jr700)
-    return fly_sweeps(jr700, 5, 2, 2, recorder, None, lambda _: None)[0]
-
-
-@pytest.fixture(scope="module")
-def plant(flown):
-    return identify_for_design(flown)
-
-
-@pytest.mark.study
-def test_poles_and_steps_are_those_of_the_vehicle(jr700, plant):
-    """Of the exact loop, which closes itself another way: its poles to 1.5 %, its steps to 2 %."""
-    law, exact = shipped_law(jr700), exact_loop(jr700)
-    loop = ClosedLoop(plant, law)
-    placed = exact.poles[(np.abs(exact.poles) > 5.0) & (np.abs(exact.poles) < 60.0)]
-    assert placed.size == 7
-    for pole in placed:
-        assert np.min(np.abs(loop.poles - pole)) < 0.015 * abs(pole)
-    for axis, rate in (("lat", "p"), ("lon", "q"), ("ped", "r")):
-        found, true = (one.step(axis, size=0.05, duration=1.0) for one in (loop, exact))
-        off = np.abs(found.signals[rate] - true.signals[rate])
-        assert np.max(off) < 0.02 * np.max(np.abs(true.signals[rate]))
-
-
 @pytest.mark.study
 def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
-    """Within a bar; the structure without inflow misses phase margins by 9 degrees."""
     vehicle = load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
     records = fly_sweeps(vehicle, 4, 3, 2, Recorder.of(vehicle), None, lambda _: None)[0]
     plant = identify_for_design(records)
@@ -112,7 +84,6 @@ def test_a_vehicle_without_a_bench_and_flights_that_do_not_suffice(tmp_path):
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory):
-    """A run of three flights an axis."""
     folder = tmp_path_factory.mktemp("run") / "reproduction"
     reproduce(out=folder, flights=3, seed=1, jobs=2)
     return folder

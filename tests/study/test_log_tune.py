@@ -18,19 +18,13 @@ from helisim.sitl.gains import STANDARD, holds
 from helisim.study import log_tune
 from helisim.study.log_tune import ATTITUDE_DRB, tune_log
 
+pytestmark = pytest.mark.usefixtures("fewer_draws")
+
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     return [Flown().fly(axis).save(folder, f"{axis}.bin") for axis in (10, 11, 12)]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def fewer_draws():
-    """Half as many: ends of an interval of 95 % are then the third of 100."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(log_tune, "DRAWS", 100)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +34,6 @@ def tuned(logs, fewer_draws):
 
 @functools.cache
 def closed(law):
-    """Return the exact loop to half of its ticks."""
     return ClosedLoop(Plant(), law, np.geomspace(0.2, np.pi / law.period, 4000))
 
 
@@ -88,12 +81,6 @@ def test_new_gains_do_what_is_predicted_of_them(tuned):
         assert was > 1.25 * now, one.axis
 
 
-@pytest.fixture
-def few_draws(monkeypatch):
-    """Of tests that don't look at intervals."""
-    monkeypatch.setattr(log_tune, "DRAWS", 20)
-
-
 def test_the_command_line_tells_today_and_then_and_writes_the_gains(
     logs, tmp_path, capsys, few_draws
 ):
@@ -115,7 +102,6 @@ def test_the_command_line_tells_today_and_then_and_writes_the_gains(
 
 
 def test_a_page_of_the_flight_stands_beside_its_log_with_the_gains(tmp_path, few_draws):
-    """Yaw alone: its modes, sweep, model, loop and gains are on the page, and rotor speed."""
     log = Flown().fly(12)
     log.define(15, "RPM", "Qf", "TimeUS,RPM", units="s-", multipliers="F-")
     log.write(15, log.us, 1700.0)
@@ -157,7 +143,6 @@ def stepped(tmp_path_factory):
 
 @pytest.mark.parametrize("gusts", [0.0, 0.003])
 def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts, stepped):
-    """The exact feed-forward and crossover lie within the intervals, half of one more in gusts."""
     found = tune_log(Flown().steps(gusts=gusts).save(tmp_path)) if gusts else stepped
     for one in found.axes:
         fed, exact_loop = one.today["flown_FF"], exact(LAW, one.axis)[0]
@@ -171,7 +156,6 @@ def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts, step
 
 
 def test_what_moves_too_little_is_told_with_what_to_fly(tmp_path, capsys):
-    """Of yaw nothing is known where its stick is at rest; without any step there is no answer."""
     still = Flown().steps(size=0.0).save(tmp_path)
     found = tune_log(still)
     assert "no target of attitude" in found.remarks[0]

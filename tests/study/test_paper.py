@@ -6,7 +6,6 @@ import math
 import os
 import re
 import shutil
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +16,14 @@ from helisim import ident
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.base.note import Command, Option
 from helisim.cli import main
-from helisim.records.storage import read_record
 from helisim.study.check import Problem, check_vehicle
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.errata import errata
 from helisim.study.new_vehicle import new_vehicle
 from helisim.study.paper import check_overall, gyro_effect, overall_from_parts, published
 from helisim.study.results import Exclusion, Results, as_json, read_models, write_models
-from helisim.study.tune import LOOPS, margins
-from helisim.vehicle import load, standard_parameters
+from helisim.vehicle import load
 from helisim.vehicle.parameters import vehicle_names
-from helisim.vehicle.rate_command import STARTS
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_model, make_verification
 from tabled import tabled
 
@@ -124,7 +120,6 @@ def test_tables_are_addressed_by_name_and_errata_printed(capsys):
 
 
 def test_what_is_found_stands_beside_what_is_printed():
-    """The same model shows no difference; IN2 a tenth larger, its tied A_b not identified."""
     direct = overall_from_parts(BASE, GYRO)
     check = check_overall(BASE, GYRO, direct, band_rad_s=BAND)
     assert [one.difference_percent for one in check.coefficients] == [0.0] * 5
@@ -151,7 +146,6 @@ def test_what_is_found_stands_beside_what_is_printed():
 
 
 def computed() -> dict[tuple[str, str], str]:
-    """What errata say, worked out from the tables: by title and a part of its text."""
     first, second = values("rollpitch_in1"), values("rollpitch_in2")
     yaw, overall = values("yaw_gyro"), values("yaw_overall")
     a = values("airframe")
@@ -233,7 +227,6 @@ def make_results(*rows: ParameterRow, given=(), **more) -> Results:
 
 
 def everything() -> Results:
-    """Results with all that results can hold."""
     checked = make_verification(ident.structures.rollpitch)
     given = {"name": "k_I", "unit": "1/s", "value": 17.7, "standard_error": 0.0014}
     return make_results(
@@ -323,7 +316,6 @@ def test_what_is_no_result_is_refused(change, message):
 
 @tabled("kind", "changes", "message")
 def test_what_cant_be_judged_is_refused(kind, changes, message):
-    """NaN never passes a tolerance by comparing false."""
     given = {**TABLE, "parameters": ()} if kind is ComparisonTable else {}
     with pytest.raises(InputError, match=message):
         kind(**{**given, **changes})
@@ -381,7 +373,6 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def own(made, tmp_path, monkeypatch):
-    """A vehicle to be broken, in the present folder."""
     monkeypatch.chdir(tmp_path)
     return shutil.copytree(made, tmp_path / "own")
 
@@ -508,32 +499,6 @@ def test_it_is_at_first_what_it_was_made_from(like, tmp_path):
     assert own.visual_model().body("libelle").id == 1
     for file in own.folder.rglob("*.xml"):
         assert like not in file.read_text()
-
-
-@pytest.mark.slow
-def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
-    assert "own/README.md" in capsys.readouterr().out
-    for command in (
-        "vehicle linearize own",
-        "vehicle trim own --speeds 0,5 --quiet",
-        "fly --vehicle own --axis lat --duration 12 --out lat.parquet --quiet",
-        "vehicle calibrate own --write --quiet",
-        "tune --vehicle own --write --quiet",
-        "vehicle linearize own --inputs IN2",
-    ):
-        assert main(command.split()) == 0, command
-    assert read_record(tmp_path / "lat.parquet").provenance["vehicle"] == "own"
-    tuned, shipped = standard_parameters("./own"), standard_parameters("blade360")
-    for name in shipped.keys() - STARTS.keys():
-        assert tuned[name] == pytest.approx(shipped[name], rel=1e-6), name  # controls: to 1e-9
-    for axis in LOOPS:  # gains that hardly matter end anywhere; the peak's reach is under 0.1 dB
-        found, wanted = (margins(load(one), axis).gain_db for one in ("./own", "blade360"))
-        assert found == pytest.approx(wanted, abs=0.1)
-    assert tuned.entry("airframe.izz").source == f"blade360: {shipped.entry('airframe.izz').source}"
-    for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
-        assert tomllib.loads((tmp_path / "own" / file).read_text())
 
 
 FROUDE = 0.5  # of lengths: masses as the third power, times as the root

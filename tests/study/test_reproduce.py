@@ -1,26 +1,20 @@
 """The paper's experiment: fly, record, identify, compare; and a run repeats to the byte."""
 
 import json
-import warnings
 from dataclasses import replace
-from itertools import compress
+from functools import partial
 
-import numpy as np
 import pytest
 
 import helisim as hs
-from helisim import ident
 from helisim.base.errors import DivergedError
-from helisim.logs import screen
 from helisim.records.record import AXES
 from helisim.records.storage import read_record
-from helisim.sim import Recorder, RecordGap, SampleLoss, Sweep, fly
+from helisim.sim import Recorder, Sweep
 from helisim.study import experiment
-from helisim.study.comparison import identify_model
 from helisim.study.experiment import fly_sweeps
-from helisim.study.models import YAW_BASE
 from helisim.study.results import Exclusion, as_json
-from tabled import tabled
+from helisim.vehicle import load
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
@@ -33,14 +27,19 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("runs") / "a run, übung"
 
 
+def short(**asked):
+    """Return a reproduction of few flights, with one evaluation of the laws a step, not four."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(experiment, "load", partial(load, integrator="Euler"))
+        return hs.reproduce(flights=3, seed=1, **asked).results
+
+
 @pytest.fixture(scope="module")
 def results(folder):
-    """The one reproduction of the default tests, of fewer flights than usual."""
-    return hs.reproduce(out=folder, flights=3, seed=1).results
+    return short(out=folder)
 
 
 def rows(results):
-    """Rows by name; the base helicopter's, where the sticks' low-order equivalent has them too."""
     tables = [table for table in results.tables if table.name != "rollpitch_in2"]
     return {row.name: row for table in tables for row in table.parameters}
 
@@ -91,7 +90,7 @@ def test_another_truth_is_followed():
 
 @pytest.mark.study
 def test_halving_the_time_step_changes_little(results):
-    finer = hs.reproduce(flights=3, seed=1, timestep=0.001).results
+    finer = short(timestep=0.001)
     before, after = rows(results), rows(finer)
     limits = {**dict.fromkeys(TIGHT, TIGHT_PERCENT), **dict.fromkeys(LOOSE, LOOSE_PERCENT)}
     for name, limit in limits.items():
@@ -152,7 +151,7 @@ def test_the_records_alone_give_the_same_model(results, folder):
 
 @pytest.mark.study
 def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
-    hs.reproduce(out=tmp_path, flights=3, seed=1, jobs=1)
+    short(out=tmp_path, jobs=1)
     before, again = (
         {path.relative_to(run): path.read_bytes() for path in run.rglob("*") if path.is_file()}
         for run in (folder, tmp_path)
@@ -212,102 +211,3 @@ def test_too_few_that_went_on_end_the_experiment(jr700, over):
 
 
 # From a faulty recorder to a model: what was left out is told, and what is found still holds.
-
-SWEEP = Sweep(axis="ped")
-LOSS = SampleLoss(share=0.01)
-GAP = RecordGap(at=55.0, lasts=1.0)
-REPAIR = ("spikes", "frozen", "gaps")
-LONG_ENOUGH = 22.0
-"""s: two windows of a period of the band's lowest frequency, 0.6 rad/s."""
-
-
-def identified(records):
-    """Return the yaw base model of records, as the paper's experiment finds it."""
-    with warnings.catch_warnings():
-        for expected in (ident.RecordQualityWarning, ident.ClosedLoopWarning):
-            warnings.simplefilter("ignore", expected)
-        return identify_model(YAW_BASE, {"ped": records})
-
-
-class Spikes:
-    """Six samples a minute of rate and input are off by 0.5."""
-
-    def apply(self, record, rng):
-        values = record.values.copy()
-        for name in ("r", "ped"):
-            hit = rng.random(len(record)) < 0.001
-            values[hit, record.names.index(name)] += rng.choice([-0.5, 0.5], hit.sum())
-        return replace(record, values=values)
-
-
-class Dead:
-    """The yaw rate freezes for two seconds."""
-
-    def apply(self, record, _):
-        out = (record.time >= 40.0) & (record.time < 42.0)
-        values = record.values.copy()
-        values[out, record.names.index("r")] = record["r"][np.argmax(out) - 1]
-        return replace(record, values=values)
-
-
-SPIKES, DEAD = Spikes(), Dead()
-WORST = {"spikes", "frozen", "lost samples", "gap"}
-
-
-@pytest.fixture(scope="module")
-def flown(jr700):
-    """Return two flights, of each what the yaw model is identified from: all is screened."""
-    seen = {*YAW_BASE.inputs, *YAW_BASE.outputs, *YAW_BASE.conditioning, *YAW_BASE.reference}
-    flights = fly(jr700, SWEEP, count=2, seed=1)
-    taken = [np.isin(one.names, [*seen]) for one in flights]
-    return [
-        replace(one, values=one.values[:, kept], channels=[*compress(one.channels, kept)])
-        for one, kept in zip(flights, taken)
-    ]
-
-
-@pytest.fixture(scope="module")
-def good(flown):
-    return identified(flown)
-
-
-def faulty(flown, *faults):
-    """Return the same flights as a faulty recorder would have written them."""
-    records = []
-    for number, record in enumerate(flown):
-        for fault in faults:
-            record = fault.apply(record, np.random.default_rng(number))
-        records.append(record)
-    return records
-
-
-def shift(fit, good):
-    """Return the greatest difference of a parameter, in the second fit's standard errors."""
-    pairs = [(fit[name].value, one) for name, one in good.parameters.items()]
-    return max(abs(value - one.value) / one.standard_error for value, one in pairs)
-
-
-@pytest.mark.slow
-@tabled("faults", "noted", "errors")
-def test_a_screened_record_gives_the_model_that_it_should(
-    jr700, flown, good, faults, noted, errors
-):
-    logs = [
-        screen(record, resample_hz=100.0, repair=REPAIR, min_duration=LONG_ENOUGH)
-        for record in faulty(flown, *faults)
-    ]
-    for log in logs:
-        assert {one.kind for one in log.report.repairs} - {"short part"} == noted
-    fit = identified([record for log in logs for record in log.records])
-    assert fit.data.flags == ()
-    assert shift(good, fit) < errors
-    truth = {**jr700.derivatives, "tau_r_base": 0.0505}
-    for name, one in fit.parameters.items():
-        assert abs(one.value - truth[name]) < one.cramer_rao
-
-
-@pytest.mark.slow
-def test_an_unscreened_record_misleads_and_says_so(flown, good):
-    fit = identified(faulty(flown, SPIKES))
-    assert shift(fit, good) > 5.0
-    assert any("'r'" in flag for flag in fit.data.flags)

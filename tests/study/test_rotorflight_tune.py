@@ -18,7 +18,10 @@ from helisim.handling.predicted import PredictedLoop
 from helisim.logs.blackbox import Blackbox
 from helisim.study import rotorflight_tune
 from helisim.study.rotorflight_tune import Feedback, law_of_log, tune_blackbox
-from rotorflight_flights import header
+from script import loaded
+
+pytestmark = pytest.mark.usefixtures("fewer_draws")
+header = loaded("proof/rotorflight_flights").header
 
 PERIOD, LATE = 0.004, 3  # s of a loop, and loops until a command acts
 N_R, N_PED = -2.0, 60.0  # 1/s, 1/s^2 by rad of blade pitch
@@ -47,7 +50,6 @@ class Yaw:
 
 
 def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
-    """Return columns of a log: sticks in steps of yaw, gusts, the law's commands."""
     rng, law, count = np.random.default_rng(seed), LAW.linear(PERIOD), round(seconds / PERIOD)
     state, rate, grows = np.zeros(len(law.a)), 0.0, math.exp(N_R * PERIOD)
     waits, rows, asked, gust = [0.0] * LATE, [], 0.0, 0.0
@@ -87,16 +89,13 @@ def saved(folder, columns, **lines):
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    return saved(tmp_path_factory.mktemp("log"), flown(120.0))
+def columns():
+    return flown(60.0)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def fewer_draws():
-    """Half as many: ends of an interval of 95 % are then the third of 100."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotorflight_tune, "DRAWS", 100)
-        yield
+@pytest.fixture(scope="module")
+def log(tmp_path_factory, columns):
+    return saved(tmp_path_factory.mktemp("log"), columns)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +111,6 @@ def test_the_law_is_the_header_s(log):
 
 
 def test_gains_change_the_law_as_they_do_its_own_file():
-    """Each alone and together: the law's linearisation with the gains in it, to rounding."""
     frequency = np.array([0.5, 5.0, 50.0])
     gains = {"yaw": {"p": 97.0, "i": 33.0, "d": 20.0}, "roll": {"i": 250.0}}
     changed = {axis: replace(getattr(LAW, axis), **some) for axis, some in gains.items()}
@@ -122,7 +120,7 @@ def test_gains_change_the_law_as_they_do_its_own_file():
     )
 
 
-def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, capsys):
+def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, capsys, monkeypatch):
     """Half an interval more than its own: one figure of twenty lies outside of 95 %.
 
     Predicted margins of the new gains hold with the exact yaw: required ones, 6 dB and 45 degrees.
@@ -134,8 +132,9 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, c
         own = yaw.today[name]
         assert abs(own.value - exact[name]) < own.high - own.low, name
     assert yaw.changes
-    out = tmp_path / "gains.txt"
-    data = tmp_path / "found.json"
+    out, data = tmp_path / "gains.txt", tmp_path / "found.json"
+    found = {log: tuned}
+    monkeypatch.setattr(rotorflight_tune, "tune_blackbox", lambda logs, **_: found[logs[0]])
     assert main(["tune", str(log), "--out", str(out), "--json", str(data), "--quiet"]) == 0
     assert json.loads(data.read_text(encoding="utf-8"))["logs"] == [str(log)]
     told = capsys.readouterr().out
@@ -180,17 +179,15 @@ def test_logs_of_other_gains_are_not_mixed(log, tmp_path):
         tune_blackbox([str(log), str(other)])
 
 
-def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, monkeypatch):
+def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, columns, few_draws):
     """Rotorflight 4.3 writes P, I and D alone: what F is today isn't known."""
-    monkeypatch.setattr(rotorflight_tune, "DRAWS", 20)  # intervals aren't looked at
-    path = saved(tmp_path, flown(60.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
+    path = saved(tmp_path, columns, rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
     (yaw,) = tune_blackbox([str(path)]).axes
     assert yaw.changes
     assert "yaw_f_gain" not in {one.name for one in yaw.changes}
 
 
 def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):
-    """Gains that both have must be the same ones."""
     path = saved(tmp_path, flown(2.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
     lines = path.read_bytes()
     for name in (b"rollBW", b"pitchBW", b"yawBW", b"yaw_stop_gain"):

@@ -20,7 +20,6 @@ axis, and six flights have 1.3 times the scatter."""
 
 @pytest.fixture(scope="module")
 def run(jr700):
-    """The chain from six sweeps on each axis to the flown proof."""
     sweeps = {axis: hs.fly(jr700, hs.Sweep(axis=axis), count=6, seed=3) for axis in (*AXES, "col")}
     return run_design(sweeps, vehicle=jr700)
 

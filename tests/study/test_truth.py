@@ -9,11 +9,9 @@ import pytest
 from helisim import ident
 from helisim.cli import main
 from helisim.design.exact import air_met
-from helisim.ident import identify
 from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.sim import Recorder, Weather
 from helisim.sim.rigs import SWEPT, stick_sweep
-from helisim.study import models
 from helisim.study.experiment import servo_test
 from helisim.study.models import (
     HEAVE,
@@ -43,7 +41,6 @@ LARGE = pytest.param(ROLLPITCH_IN1, marks=pytest.mark.slow, id="rollpitch_in1")
 
 @pytest.mark.parametrize("model", [YAW_BASE, LARGE, HEAVE], ids=lambda one: one.name)
 def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder, model):
-    """Of the exact response, known to a millionth, and no wider than what models are judged by."""
     exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
     n_out, n_in, n_freq = shape = exact.response.shape
     line = LineWeights(np.zeros(1, int), np.zeros(1, int), np.zeros((1, n_in, 1, 1), np.complex64))
@@ -67,7 +64,6 @@ def test_intervals_hold_the_truth_where_the_structure_alone_errs(jr700, recorder
 
 
 def fitted_gyro(vehicle, recorder, **given):
-    """The gyro's parameters from its exact response, and from true knowledge of the rest."""
     omega = np.geomspace(*YAW_GYRO.band, 100)
     exact = exact_response(vehicle, YAW_GYRO, recorder, omega)
     known = {
@@ -182,31 +178,6 @@ def test_a_model_is_given_only_what_was_found_before_it(model):
         assert model.structure.parameter(name).fixed
     for name in model.tolerances:
         model.structure.parameter(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "percent"),
-    # what is left: yaw's small couplings; speeds' smaller derivatives above 6 rad/s; the bank
-    # angle, which a response without the conditioning on it has: 0.9 % of Z_w (STUDY.md)
-    [(models.YAW_BASE_SERVO, 0.15), (models.ROLLPITCH_SERVO, 0.15), (models.HEAVE_SERVO, 0.9)],
-    ids=lambda one: getattr(one, "name", ""),
-)
-def test_the_structure_is_the_vehicle_s(jr700, model, percent):
-    """With the servos' true numbers, fitted to the linearised vehicle: every larger parameter."""
-    recorder = Recorder.of(jr700)
-    servos = {
-        f"{which}_{name}": jr700.parameters[f"servo.{which}_{long}"]
-        for which in ("swash", "tail")
-        for name, long in (("omega", "frequency"), ("zeta", "damping"))
-    }
-    given = {name: servos[source.name] for name, source in model.given.items()}
-    exact = exact_response(jr700, model, recorder, np.geomspace(*model.band, 100))
-    found = identify(exact, model.structure.with_fixed(given))
-    true = true_values(jr700, model, recorder)
-    for name in ("N_r", "N_ped", "tau_f", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col"):
-        if name in found.values:
-            assert found.values[name] == pytest.approx(true[name], rel=0.01 * percent)
 
 
 @pytest.mark.slow

@@ -5,14 +5,12 @@ import copy
 import mujoco
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.addresses import addresses
-from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
+from helisim.vehicle.swashplate import TipPathPlane
 from helisim.vehicle.trim import place
 
 SERVOS = ("front_position", "left_position", "right_position")
@@ -21,12 +19,10 @@ INFLOW = ("inflow_0", "inflow_s", "inflow_c")
 
 @pytest.fixture(scope="module")
 def moving() -> Vehicle:
-    """The calibrated vehicle, its inflow dynamic."""
     return load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
 
 
 def rotor_numbers(vehicle):
-    """Return rotor speed, tip speed, a sigma, and the hover's inflow ratio."""
     own = vehicle.parameters
     speed, radius = own["main_rotor.speed"], own["main_rotor.radius"]
     sigma = own["main_rotor.blades"] * own["main_rotor.chord"] / (np.pi * radius)
@@ -73,17 +69,6 @@ def test_hovers_inflow_row_is_chen_and_hindsons(moving):
     assert found == pytest.approx(printed, rel=5e-3)  # 0.639 has three digits; tilt of 3.8 deg
 
 
-def test_quasi_static_heave_is_printed_damping(moving):
-    """NASA TM 88327, eq. (7): Z_w = -rho a sigma (Omega R) / (8 m / (pi R^2) (1 + a s / 16 v))."""
-    _, tip, loading, mean = rotor_numbers(moving)
-    own, mass = moving.parameters, float(np.sum(moving.model.body_mass))
-    per_area = mass / (np.pi * own["main_rotor.radius"] ** 2)
-    damping = -own["air.density"] * loading * tip / 8.0 / per_area
-    damping /= 1.0 + loading / (16.0 * mean)
-    # the print has no stall, drag of the fuselage, tilt of the hovering disc
-    assert moving.derivatives["Z_w"] == pytest.approx(damping, rel=0.01)
-
-
 def test_hovers_lags_are_the_closed_forms(moving):
     """Of the mean M / (4 v + as/4), of the slopes M / (v + as/16), the blades' feedback included.
 
@@ -101,128 +86,7 @@ def test_hovers_lags_are_the_closed_forms(moving):
     assert lags == pytest.approx([whole, slope, slope], rel=1e-3)
 
 
-class Blades:
-    """Four blades, one by one, in the published inflow: first principles, hub fixed in a wind.
-
-    Strips and each blade's own second-order flapping; loads summed over the blades; L and M as
-    printed (Peters and HaQuang, J. AHS 33, 1988), azimuth by geometry; flight is straight ahead.
-
-    Args:
-        lock: gamma.
-        spring: nu^2 - 1.
-        speed: rad/s.
-        hand: 1 clockwise seen from above, -1 the other way.
-        loading: a sigma.
-        pitch: collective, rad.
-        advance: of the hub ahead, over the tip speed.
-        climb: likewise, up the shaft.
-    """
-
-    def __init__(self, lock, spring, speed, hand, loading, pitch, advance, climb):
-        self.lock, self.spring, self.speed, self.hand = lock, spring, speed, hand
-        self.loading, self.pitch, self.advance, self.climb = loading, pitch, advance, climb
-
-    def azimuth(self, t):
-        return self.speed * t + 0.5 * np.pi * np.arange(4)  # from the tail, as it turns
-
-    def rates(self, t, state, cyclic):
-        up, rising, inflow = state[:4], state[4:8], state[8:]
-        psi, r = self.azimuth(t), (np.arange(40)[:, None] + 0.5) / 40
-        ahead, right = -np.cos(psi), -self.hand * np.sin(psi)
-        tangential = r + self.advance * np.sin(psi)
-        angle = self.pitch + cyclic[0] * np.sin(psi) + self.hand * cyclic[1] * np.cos(psi)
-        # a blade that points ahead and is coned has the wind on its lower side
-        blown = self.climb + inflow[0] - self.advance * ahead * up
-        down = blown + r * (inflow[1] * right - inflow[2] * ahead + rising / self.speed)
-        lift = tangential**2 * angle - tangential * down
-        moment = np.mean(r * lift, axis=0)
-        swing = self.speed**2 * (0.5 * self.lock * moment - (1.0 + self.spring) * up)
-        loads = np.array([np.mean(lift, axis=0), moment * right, -moment * ahead])
-        through = self.climb + inflow[0]
-        total = np.hypot(self.advance, through)
-        harmonic = (self.advance**2 + through * (through + inflow[0])) / total
-        x, c = np.tan(0.5 * np.arctan2(self.advance, through)), 15.0 * np.pi / 64.0
-        influence = [[0.5, 0, -c * x], [0, 2 * (1 + x * x), 0], [c * x, 0, 2 * (1 - x * x)]]
-        held = np.array([total, harmonic, harmonic]) * np.linalg.solve(influence, inflow)
-        mass = np.array([8.0 / 3.0, 16.0 / 45.0, 16.0 / 45.0]) / np.pi
-        growth = self.speed * (0.5 * self.loading * np.mean(loads, axis=1) - held) / mass
-        return np.concatenate([rising, swing, growth])
-
-    def fly(self, start, cyclic, times):
-        """Return the states at the times, (11, n_time)."""
-        return solve_ivp(
-            self.rates, times[[0, -1]], start, args=(cyclic,), t_eval=times, rtol=1e-7,
-            max_step=2e-3,
-        ).y  # fmt: skip
-
-    def disc(self, states, times):
-        """Return tilts a, b, and mean and slopes of the inflow by a turn's mean, (5, n_time)."""
-        up, psi = states[:4], np.array([self.azimuth(t) for t in times]).T
-        a = -2.0 * np.mean(up * np.cos(psi), axis=0)
-        b = 2.0 * self.hand * np.mean(up * np.sin(psi), axis=0)
-        return np.vstack([a, b, states[8:]])
-
-
-HALF = [(1.0, "b", 0.0), (-1.0, "a", 0.0), (-1.0, "b", 15.0)]
-HALF = [pytest.param(*one, marks=pytest.mark.slow) for one in HALF]
-"""Of all: each two of the three in all their ways."""
-
-
-@pytest.mark.parametrize(
-    ("hand", "axis", "airspeed"),
-    [(1.0, "a", 15.0), *HALF],
-)
-def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
-    """A step of cyclic: what the disc's first-order equations make of four blades in that air."""
-    stock = load("jr700").parameters
-    reduction, speed = stock["flapping.lock_reduction"], stock["main_rotor.speed"]
-    lock, nu, step = 6.0, 1.03, 0.02
-    turning = {"lock_number": lock / reduction, "speed": speed, "direction": hand}
-    unit = {"lon_range": 1.0, "lat_range": 1.0}
-    flapping = flapping_from_blade(**turning, **unit, flap_frequency=nu).to_parameters()
-    changes = {**flapping, "main_rotor.direction": hand, "main_rotor.inflow": "pitt-peters"}
-    vehicle = load("jr700", parameters=changes).trimmed(speed=airspeed)
-    _, tip, loading, mean = rotor_numbers(vehicle)
-    trim, own = vehicle.trim, vehicle.parameters
-    system = vehicle.linearize().system
-    states = [system.state_labels.index(name) for name in ("flap_a", "flap_b", *INFLOW)]
-    servos = [system.state_labels.index(name) for name in SERVOS]
-    matrix = np.asarray(system.A)
-    tilt = step * np.array([axis == name for name in ("a", "b")], dtype=float)
-    driven = matrix[np.ix_(states, servos)] @ vehicle.swashplate.mix(0.0, tilt[0], tilt[1])
-    grown = np.zeros((6, 6))
-    grown[:5, :5], grown[:5, 5] = matrix[np.ix_(states, states)], driven
-    pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * trim.col
-    motion = trim.motion
-    blades = Blades(lock, nu**2 - 1.0, speed, hand, loading, pitch, motion.u / tip, -motion.w / tip)
-    cyclic = np.array([trim.lon, trim.lat])
-    slopes = np.array([mean, trim.inflow_s / tip, trim.inflow_c / tip])
-    settling = np.linspace(0.0, 12.0 * 2.0 * np.pi / speed, 200)
-    settled = blades.fly(np.concatenate([np.zeros(8), slopes]), cyclic, settling)[:, -1]
-    time = settling[-1] + np.linspace(0.0, 0.15, 300)
-    plain, moved = (
-        blades.disc(blades.fly(settled, asked, time), time) for asked in (cyclic, cyclic + tilt)
-    )
-    truth = dict(zip(("a", "b", "mean", "right", "aft"), moved - plain))
-    since = time - time[0]
-    disc = np.array([expm(grown * t)[:5, 5] for t in since]).T / np.array([[1, 1, tip, tip, tip]]).T
-    found = dict(zip(truth, disc))
-    # a turn's mean of four blades is left with 1e-4 rad of their four beats a turn
-    assert plain[:2, -1] == pytest.approx([trim.a, trim.b], abs=2e-4)
-    assert plain[2:, -1] == pytest.approx(slopes, abs=1e-4)
-    # the disc's equations have no nutation, near twice the rotor's speed, gone after 16 / (gamma
-    # Omega) = 15 ms: an eighth of the tilt at first, and of second order in mu what flight adds
-    late = since > 0.08
-    most = max(np.abs(truth["right"]).max(), np.abs(truth["aft"]).max())
-    for name, size in (("a", step), ("b", step), ("mean", most), ("right", most), ("aft", most)):
-        assert found[name] == pytest.approx(truth[name], abs=0.25 * size), name
-        assert found[name][late] == pytest.approx(truth[name][late], abs=0.08 * size), name
-    for name in ("a", "b"):
-        assert found[name][late] == pytest.approx(truth[name][late], abs=0.015 * step), name
-
-
 def stepped(step, until=0.06):
-    """Step collective and cyclic by Euler, the body held; return tilt and inflow, and as sensed."""
     parameters = {"main_rotor.inflow": "pitt-peters"}
     vehicle = load("jr700", parameters=parameters, integrator="Euler", timestep=step)
     model, where = copy.copy(vehicle.model), addresses(vehicle.model)

@@ -2,8 +2,6 @@
 
 import pickle
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import mujoco
@@ -28,7 +26,6 @@ from tabled import tabled
 
 @pytest.fixture(scope="module")
 def myheli(tmp_path_factory):
-    """A copy of the JR700's folder under another name; nothing in it is changed."""
     return copied(tmp_path_factory.mktemp("hangar") / "myheli")
 
 
@@ -57,21 +54,6 @@ def test_neither_name_nor_folder(name, monkeypatch, tmp_path):
     assert "parameters.toml, calibrated.toml" in message
     assert ("did you mean jr700?" in message) == (name == "jr70")
     assert str(pickle.loads(pickle.dumps(caught.value))) == message
-
-
-@pytest.mark.slow
-def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
-    own = hs.load(myheli)
-    code = (
-        "import pickle, sys\n"
-        "vehicle = pickle.load(sys.stdin.buffer)\n"
-        "print(vehicle.folder, vehicle.digest, vehicle.derivatives['N_r'])\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], input=pickle.dumps(own), capture_output=True, check=True
-    )
-    found = done.stdout.decode().split()
-    assert found == [str(myheli), own.digest, repr(own.derivatives["N_r"])]
 
 
 def test_a_recording_asks_for_the_vehicle_that_flew(myheli, tmp_path, capsys):
@@ -108,7 +90,6 @@ def test_a_campaign_takes_a_path_from_its_file(myheli, tmp_path):
 
 
 def test_a_folder_of_that_name_is_not_the_published_vehicle(tmp_path):
-    """Nothing is published of someone's folder, even if it is called jr700."""
     own = copied(tmp_path / "jr700")
     before = read_parameters(own / "calibrated.toml")
     text = calibrated_text(own)
@@ -175,7 +156,6 @@ def test_elements_know_where_they_stand_and_only_what_is_set_changes(path):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A vehicle of one's own, the Blade 360's copy."""
     return new_vehicle("own", like="blade360", to=tmp_path)
 
 
@@ -252,21 +232,3 @@ def test_the_command(folder, capsys):
     assert run() == (0, "Nothing to write: the MJCF says what the parameters give")
     with pytest.raises(UnknownNameError, match="jr700"):
         write_numbers("nowhere")
-
-
-@pytest.mark.slow
-def test_a_vehicle_from_three_numbers_flies_and_is_identified(tmp_path):
-    """At a tip speed of 125.7 m/s; yaw within three standard errors of N_r of two flights."""
-    airframe = hs.Airframe(mass=6.5, rotor=1.6, rpm=1500)
-    folder = hs.new_vehicle("threefold", like="jr700", airframe=airframe, to=tmp_path)
-    assert hs.check_vehicle(folder).problems == ()
-    assert (folder / "README.md").is_file()
-    own = hs.load(folder)
-    tip = own.parameters["main_rotor.speed"] * own.parameters["main_rotor.radius"]
-    assert tip == pytest.approx(0.8 * 1500 * np.pi / 30.0)
-    flights = hs.fly(own, hs.Sweep(axis="ped"), count=2, seed=1)
-    sides = {"inputs": ("ped",), "outputs": ("r",), "conditioning": ("v", "col")}
-    how = {"reference": ("PED", "LAT", "COL"), "band": (0.6, 25.0)}
-    fit = hs.identify(hs.frequency_response(flights, **sides, **how), hs.structures.yaw_base)
-    for name in ("N_r", "N_ped"):
-        assert fit[name].value == pytest.approx(own.derivatives[name], rel=0.052)  # 3 x 1.7 %

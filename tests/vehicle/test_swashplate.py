@@ -27,13 +27,11 @@ H3_90 = {"front_angle": 180.0, "left_angle": 90.0, "right_angle": -90.0}
 
 
 def disc_of(flapping, speed, direction):
-    """Return the tip-path plane's equation of an eq. (8) at a rotor speed, rad/s."""
     turned = {"main_rotor.speed": speed, "main_rotor.direction": direction}
     return TipPathPlane.of(flapping.to_parameters() | turned)
 
 
 def plate(**changes):
-    """Return a swashplate that differs from the default, angles in degrees."""
     values = {
         f"swashplate.{name}": math.radians(value) if name.endswith("angle") else value
         for name, value in changes.items()
@@ -47,7 +45,6 @@ def plate(**changes):
 # left servo up, its pitch front up, both as here.
 @tabled("geometry", "left", "right", "elevator")
 def test_the_mixing_is_that_of_a_published_autopilot(geometry, left, right, elevator):
-    """The geometry that the documentation gives for each gives ArduPilot's factors."""
     found = np.array(plate(**geometry).mix(*np.eye(3)))  # servos by (col, lon, lat)
     roll_pitch_collective = [(*factors, 1.0) for factors in (elevator, left, right)]
     assert found[:, [2, 1, 0]] == pytest.approx(np.array(roll_pitch_collective), abs=1e-15)
@@ -109,14 +106,7 @@ def test_a_swashplate_that_is_none_is_refused(changes, message):
         load("jr700", parameters=changes)
 
 
-TABLE_3 = Flapping(
-    tau_f=0.04456, a_b=-0.3514, b_a=0.5340, a_lat=0.06571, a_lon=0.3697, b_lat=0.3778, b_lon=-0.0607
-)
-"""Wu and Chen, Table 3, IN1."""
-
-
 def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
-    """Return the tilts at which eq. (8) rests."""
     asked = [
         found.a_lat * lat + found.a_lon * lon - found.tau_f * q,
         found.b_lat * lat + found.b_lon * lon - found.tau_f * p,
@@ -160,15 +150,6 @@ def test_there_and_back(tau, couplings, cyclic, speed, direction):
     # rounding, where a short time constant makes the air strong: share up to 10
     assert again.to_parameters() == pytest.approx(given.to_parameters(), rel=1e-11, abs=1e-11)
     assert np.trace(disc.springs) == pytest.approx(0.0, abs=1e-11)
-
-
-def test_the_papers_disc():
-    """Lock number of Table 3, and a swashplate turned by 16 degrees, the same for both axes."""
-    disc = disc_of(TABLE_3, 178.0235837, 1.0)
-    assert 16.0 * disc.share == pytest.approx(1.91, abs=0.005)
-    a_lat, a_lon, b_lat, b_lon = disc.cyclic.ravel()
-    assert np.degrees(np.arctan2(a_lat, b_lat)) == pytest.approx(16.7, abs=0.05)
-    assert np.degrees(np.arctan2(-b_lon, a_lon)) == pytest.approx(16.1, abs=0.05)
 
 
 def test_what_no_rotor_has_is_refused():

@@ -52,7 +52,6 @@ class Ledger:
 
     @property
     def turned_over(self):
-        """What the air got in the whole flight, J."""
         return float(self.lost[-1])
 
     def __str__(self):
@@ -103,7 +102,6 @@ def ledger(vehicle, flight):
 
 @cache
 def flown(vehicle, name):
-    """Return the ledger of a flight, and its sample of a hard touch-down, or its last."""
     (flight,) = simulate(vehicle, hs.FlightPlan(**FLIGHTS[name]), seed=1, jobs=1)
     hard = np.linalg.norm(flight.contact, axis=1) > 3.0 * 8.01 * 9.8015
     return ledger(vehicle, flight), int(np.argmax(hard)) - 1 if hard.any() else flight.time.size

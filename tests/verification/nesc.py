@@ -8,8 +8,6 @@ frame that keeps the start's velocity (far from the origin and fast, positions r
 helisim has no law for (gravitation that falls off, the brick's damping) comes through the same
 hook of MuJoCo as its air loads. The earth's turn enters only when positions, velocities and
 angles are read out.
-
-Cases 4 to 10 test atmospheres, winds and earths that helisim does not have; 11 to 17 aircraft.
 """
 
 import copy
@@ -89,11 +87,6 @@ def gravitation(up: float, east: float) -> tuple[float, float]:
     return pull * up, pull * east
 
 
-def start_gravity() -> float:
-    """Return gravitation less the earth's turn at the start, m/s^2: what a scale shows there."""
-    return -gravitation(EQUATOR + START, 0.0)[0] - SPIN**2 * (EQUATOR + START)
-
-
 def drop(
     vehicle: Vehicle, case: int, times: list[float], *, timestep: float | None = None
 ) -> NDArray[np.float64]:
@@ -117,7 +110,6 @@ def drop(
 
 
 def _replaced(vehicle: Vehicle, body: Body) -> mujoco.MjModel:
-    """Return the vehicle's model with another mass and inertia, its rotors and gyro at rest."""
     model = copy.copy(vehicle.model)
     falling = model.body(vehicle.name).id
     model.body_mass[falling] = body.mass
@@ -139,7 +131,6 @@ def _place(data: mujoco.MjData) -> tuple[float, float]:
 
 
 def _airspeed(data: mujoco.MjData) -> tuple[float, float, float]:
-    """Return the velocity north, east and up through air that turns with the earth, m/s."""
     up, east = _place(data)
     north, west, climb = data.qvel[:3].tolist()
     return north, _EASTWARDS - west - SPIN * up, climb + SPIN * east
@@ -161,7 +152,6 @@ def _add_loads(data: mujoco.MjData, body: Body) -> None:
 
 
 def _seen(data: mujoco.MjData) -> list[float]:
-    """Return COLUMNS now, as an observer on the turning earth has them."""
     up, east = _place(data)
     turned = math.atan2(east, up)  # of the local vertical since the start
     c, s = math.cos(turned), math.sin(turned)

@@ -7,17 +7,13 @@ import math
 
 import mujoco
 import pytest
-from scipy.optimize import brentq
 
-from helisim.physics import rotor
-from helisim.physics.inflow import mass_flow
 from helisim.physics.native import installed
 from helisim.vehicle.trim import Motion, write_motion
 from quasi_steady import drag_torque
 
 
 def loads(vehicle, motion):
-    """Return main rotor thrust (N) and torque (N m) that the vehicle's own sensors report."""
     data = vehicle.hovering()
     write_motion(vehicle.model, data, motion)
     with installed():
@@ -63,30 +59,3 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     power = thrust * (climb + own["main_rotor.induced_factor"] * induced) + profile
     # the disc leans by 6e-4 against the tail's torque, which counts by its square
     assert torque * own["main_rotor.speed"] == pytest.approx(power, rel=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("ratio", "watts", "within"), [(-1.75, 583.0, 1.0), (-2.0, 198.0, 15.0), (-3.0, -371.0, 1.0)]
-)
-def test_descent_power_of_the_vehicle_is_the_measured_one(jr700, ratio, watts, within):
-    """P = T (V + kappa v) + profile at the hover's thrust, in W, v from fit and windmill theory.
-
-    At the windmill's edge the fit has 1.026 v_h where theory has 1: 10 W of the 198.
-    """
-    own = jr700.parameters
-    disc = math.pi * own["main_rotor.radius"] ** 2
-    weight = 8.01 * 9.8015
-    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
-    unit = own["air.density"] * disc * tip**2
-    hover = math.sqrt(weight / (2.0 * own["air.density"] * disc)) / tip
-    climb = ratio * hover
-    induced = brentq(
-        lambda v: 2.0 * v * mass_flow(v, climb, 0.0)[0] - weight / unit, 1e-9, 1.0, xtol=1e-15
-    )
-    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (math.pi * 0.767)
-    slope = 0.25 * own["main_rotor.lift_slope"] * solidity
-    blades = rotor.Section(solidity, 0.0, own["main_rotor.induced_factor"], 0.012, 0.0, 0.8)
-    thrust = weight / unit
-    spent = rotor.losses(blades, thrust, thrust, induced, climb + induced, 0.0, slope, 0.4)
-    power = climb * thrust + spent.torque
-    assert power * unit * tip == pytest.approx(watts, abs=within)

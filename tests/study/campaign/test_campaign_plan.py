@@ -132,7 +132,6 @@ TRUTH = -2.0
 
 
 def row(truth, error, stated, **more):
-    """Return a row of one parameter; where there is no error, of one that failed."""
     found = {"truth": truth, "estimate": truth + (error or 0.0), "standard_error": stated}
     found |= {"cramer_rao": 3.0 * stated}
     found = dict.fromkeys(found) if error is None else found
@@ -140,14 +139,12 @@ def row(truth, error, stated, **more):
 
 
 def made(count, *, std, bias=0.0, stated=None, noise=1.0, seed=0):
-    """Rows of one parameter with normal errors of a known size."""
     errors = np.random.default_rng(seed).normal(bias, std, count)
     what = {"noise": noise, "flights": 10, "model": "heave", "parameter": "Z_w"}
     return [row(TRUTH, error, stated or std, **what) for error in errors]
 
 
 def test_honest_errors_are_found_honest():
-    """Normal errors of the stated size: 95 % coverage, no bias, relative to the truth's size."""
     (one,) = summarise(pa.Table.from_pylist(made(4000, std=0.1)))
     assert one.covered == pytest.approx(0.95, abs=4 * (0.95 * 0.05 / 4000) ** 0.5)
     assert one.covered_by_cr == pytest.approx(0.9973, abs=0.004)  # three standard deviations
@@ -159,7 +156,6 @@ def test_honest_errors_are_found_honest():
 
 
 def test_bias_and_overconfidence_show():
-    """A bias has its sign, towards larger size or not; half the true error covers less."""
     (one,) = summarise(pa.Table.from_pylist(made(4000, std=0.1, bias=-0.2, stated=0.05)))
     # the truth is -2: an error of -0.2 makes it larger, but the error is signed as the value
     assert one.bias == pytest.approx(-0.1, abs=4 * 0.05 / 4000**0.5)
@@ -196,7 +192,6 @@ def study():
 
 
 def rows_of(errors, *, duration=90, flights=1, turbulence=0.0):
-    """Rows of N_r, whose truth is -1, with these relative errors; a failed one for None."""
     what = {"sweep.duration": duration, "weather.turbulence": turbulence, "flights": flights}
     what |= {"model": "yaw_base", "parameter": "N_r"}
     times = [None if error is None else float(duration * flights) for error in errors]
@@ -212,7 +207,6 @@ GOOD, BAD = [0.04, -0.04] * 10, [0.04] * 18 + [0.06, -0.06]
 
 @tabled("flown", "least")
 def test_the_shortest_flight_is_the_least_from_which_on_all_suffice(study, flown, least):
-    """Within 5 % in 95 % of the replicates, and in longer flights too."""
     rows = [
         row
         for (duration, flights), errors in flown.items()

@@ -29,14 +29,12 @@ def plan(text=PLAN):
 
 
 def here(work, tasks):
-    """An executor that does the work in this process, the last task first."""
     for task in reversed(tasks):
         yield work(task)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> Path:
-    """The dataset of an uninterrupted run."""
     return run_campaign(plan(), tmp_path_factory.mktemp("whole"), executor=here)
 
 
@@ -149,8 +147,6 @@ leakage = 1.0
 
 
 def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch):
-    """Other versions change the last bits."""
-
     def elsewhere(work, tasks):
         other = {**versions(), "numpy": "1.0"}
         monkeypatch.setattr("helisim.study.replicates.versions", lambda: other)

@@ -95,7 +95,6 @@ def runs(pid):
 
 @pytest.fixture(scope="module")
 def by_processes(tmp_path_factory) -> Path:
-    """The dataset of local processes, gone on with after one was killed."""
     killed = []
 
     def kill_one():

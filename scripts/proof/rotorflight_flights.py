@@ -43,7 +43,6 @@ class Shaking:
 
 @numba.njit
 def logged_loop(seen, state, settings):
-    """Return setpoints, gyro, terms of three axes, mixer and precompensation; the servos."""
     wanted, gyro, roll, pitch, yaw = kernel.loop(seen, state, settings)
     mixed = kernel.mixed(state, settings, wanted, roll, pitch, yaw)
     servos = kernel.servos(settings, mixed[0], mixed[1], mixed[2], mixed[3])
