@@ -111,7 +111,7 @@ def _values(letter, random):
 
 def rows_of(path):
     """Return what pymavlink reads: type -> (columns, instance's column, rows)."""
-    missing = "pymavlink isn't installed: pip install helisim[sitl]"
+    missing = "pymavlink isn't installed: pip install -e '.[sitl]'"
     module = pytest.importorskip("pymavlink.DFReader", reason=missing)
     reader = module.DFReader_binary(str(path))
     found = {}

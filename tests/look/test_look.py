@@ -154,7 +154,7 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_log_of_px4(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install -e '.[logs]'")
     found = look(px4(tmp_path / "a.ulg"))
     (log,) = found.logs
     columns = {one.name: one.column.column for one in log.channels if one.moves}
