@@ -159,7 +159,7 @@ def main(rounds: int = ROUNDS) -> None:
     for name in peers:
         print(f"{name:22}{1e6 * cost[name]:10.2f}{1.0 / cost[name]:9.0f}")
     if not peers:
-        print("JSBSim is not installed: pip install helisim[benchmark]")
+        print("JSBSim is not installed: pip install -e '.[benchmark]'")
 
 
 if __name__ == "__main__":

@@ -108,7 +108,7 @@ def _values(letter, random):
 
 
 def rows_of(path):
-    missing = "pymavlink isn't installed: pip install helisim[sitl]"
+    missing = "pymavlink isn't installed: pip install -e '.[sitl]'"
     module = pytest.importorskip("pymavlink.DFReader", reason=missing)
     reader = module.DFReader_binary(str(path))
     found = {}

@@ -82,7 +82,7 @@ def test_a_log_of_px4_before_ulog_is_read(tmp_path):
 
 
 def test_times_of_a_ulog_count_from_when_logging_began(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install -e '.[logs]'")
     stamps = np.round(1e6 * T) + 90_000_000
     stale = np.concatenate([[0.0], stamps[1:]])
     fields = {"p": P, "text": np.frombuffer(b"\nFMT, 1 " * 200, "<f4")[:400]}

@@ -138,7 +138,7 @@ def test_a_clock_has_the_unit_that_its_heading_or_map_says(tmp_path, heading, ti
 
 
 def test_a_quaternion_is_euler_angles_as_others_turn(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install -e '.[logs]'")
     turns = Rotation.random(200, random_state=1)
     stamps, q = 1000 * np.arange(200), turns.as_quat(scalar_first=True)
     still = {"q": q, "roll": np.full(200, 0.5)}

@@ -74,7 +74,7 @@ FORMATS = {
 
 @pytest.fixture(params=FORMATS)
 def log_of(request, tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install -e '.[logs]'")
     make, *rest = FORMATS[request.param]
     path = tmp_path / "a.log"
     path.write_bytes(make())
@@ -117,7 +117,7 @@ def test_what_no_format_allows_is_refused_in_one_way(log_of, column, options, me
 
 
 def test_clocks_of_topics_meet_on_a_common_grid(tmp_path):
-    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install -e '.[logs]'")
     path = tmp_path / "a.ulg"
     path.write_bytes(ulog())
     channels = Map({"p": Column("gyro.xyz[0]", "rad/s"), "LAT": Column("stick.roll", "1")})
@@ -138,7 +138,7 @@ def test_a_missing_reader_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "import_module", absent)
     path = tmp_path / "a.ulg"
     path.write_bytes(ulog(10))
-    with pytest.raises(StorageError, match=r"pip install helisim\[logs\]"):
+    with pytest.raises(StorageError, match=r"pip install -e '\.\[logs\]'"):
         read_log(path, channels={"p": Column("gyro.xyz[0]", "rad/s")})
 
 

@@ -4,6 +4,7 @@ import json
 import pickle
 import re
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -249,6 +250,17 @@ def proof():
     loops = {"exact": Roll(5.1), "measured": measured, "predicted": Roll()}
     told = {"stops": {"lat": 0.125}, "remarks": ("a remark & more",)}
     return Proof(table=table, sweeps={}, events=events, before=before, **loops, **told)
+
+
+def test_a_level_worse_than_before_stands_in_the_table_also_where_it_was_not_asked():
+    made = made_result()
+    swapped = [replace(one, before=one.nominal, nominal=one.before) for one in made.judged]
+    rows = tables.design(replace(made, judged=swapped)).rows
+    assert {row[1]: row[7] for row in rows if row[1] in ("crossover", "DRB", "DRP")} == {
+        "crossover": "2 (was 1)",  # 3 rad/s, Level 1 from 4
+        "DRB": "1",
+        "DRP": "1",
+    }
 
 
 def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path):

@@ -206,7 +206,7 @@ def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
 
 def test_too_few_that_went_on_end_the_experiment(jr700, over):
     over(0, 1)
-    with pytest.raises(DivergedError, match=r"2 of 2 sweeps of col .* ground at"):
+    with pytest.raises(DivergedError, match=r"2 of 2 sweeps of ped .* ground at"):
         fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), None, lambda _: None)
 
 

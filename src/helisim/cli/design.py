@@ -7,6 +7,7 @@ from helisim.base.errors import InputError
 from helisim.cli.logs import describe, located, read_logs, records_of, reports
 from helisim.cli.options import (
     Options,
+    coloured,
     numbers_by_name,
     opened,
     print_written,
@@ -93,7 +94,7 @@ def design(o: Options) -> int:
         if run.proof is not None:
             record_gust(run, o.out / GUST)
     print(f"{filled(verdict(run.result, run.proof))}\n")
-    print(as_text(tables.design(run.result)))
+    print(coloured(as_text(tables.design(run.result))))
     if run.proof is not None:
         print(as_text(tables.proof(run.proof)))
     for miss in (*run.result.misses, *(run.proof.misses if run.proof else ())):

@@ -33,8 +33,10 @@ def reproduce(o: Options) -> int:
 
     Exit status 1: a tolerance is missed.
     """
+    from tqdm import tqdm
+
     from helisim.show.report import write_report
-    from helisim.show.terminal import render_results
+    from helisim.show.terminal import render_comparison, render_results
     from helisim.study.experiment import flights_in_all, named_records, reproduce
     from helisim.study.models import MODELS
 
@@ -47,10 +49,13 @@ def reproduce(o: Options) -> int:
             parameters=parameters(o),
             rotor=o.rerun is not None,
             on_progress=advance,
+            on_table=lambda one: tqdm.write(
+                coloured(f"{render_comparison(one, verbose=o.verbose)}\n")
+            ),
         )
         write_report(o.out, run)
         advance("report")
-    print(coloured(render_results(run.results, verbose=o.verbose)))
+    print(coloured(render_results(run.results, verbose=o.verbose, printed=True)))
     results = f"{o.out / 'results.json'}, records in {o.out / 'flights'}"
     print_written(o, results, o.out / "report.html")
     if o.rerun is not None:

@@ -6,7 +6,7 @@
 try:
     import gymnasium.envs.registration  # noqa: F401  (helisim.base looks for it)
 except ImportError as error:
-    raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install helisim[gym]") from None
+    raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install -e '.[gym]'") from None
 
 from helisim.base import register
 from helisim.gym.environments import HelicopterEnv, HelicopterVectorEnv

@@ -45,7 +45,7 @@ def open_ulog(path: Path, digest: str) -> Topics:
         pyulog = import_module("pyulog")
     except ImportError:
         raise StorageError(
-            f"{path}: reading it needs pyulog, which isn't installed: pip install helisim[logs]"
+            f"{path}: reading it needs pyulog, which isn't installed: pip install -e '.[logs]'"
         ) from None
     silent, quiet = contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore")
     try:

@@ -57,7 +57,14 @@ _FLOWN = {  # Table 1 -> the vehicle's parameter
     "Omega_mr": "main_rotor.speed",
     "Omega_tr": "tail_rotor.speed",
 }
-_SHORT = {"drb": "DRB", "drp": "DRP", "growth": "growth of poles"}
+_SHORT = {
+    "drb": "DRB",
+    "drp": "DRP",
+    "growth": "growth of poles",
+    "ratio": "coupling",
+    "position": "servo position",
+    "rate": "servo rate",
+}
 
 
 def comparison(shown: ComparisonTable) -> Table:
@@ -405,26 +412,26 @@ def changes(shown: Sequence[Changed]) -> Table:
 
 
 def design(result: DesignResult) -> Table:
-    """Return every figure with a border."""
+    """Return every figure with a border, and by its criterion's level whether it is worse."""
     rows = []
     for one in result.judged:
-        criterion = one.spec.criterion
-        limits = criterion.limits if one.spec.kind in ("hard", "soft") else {}
-        for name, limit in limits.items():
-            unit, ratings = criterion.units.get(name, ""), (one.before, one.nominal, one.worst)
-            found = [None if each is None else each.figures.get(name) for each in ratings]
+        criterion, was, level = one.spec.criterion, one.before, str(one.nominal.level)
+        if was is not None and one.nominal.level > was.level:
+            level += f" (was {was.level})"
+        for name, limit in criterion.limits.items():
+            unit, ratings = criterion.units.get(name, ""), (was, one.nominal, one.worst)
             by = criterion.by if isinstance(criterion, LoadRejection) else ""
             figure = f"turned by {axis_of(by).word} load" if by else _called(name)
             rows.append(
                 (
                     *(criterion.word, figure, _for_people(limit.level1, unit)),
-                    *(_for_people(value, unit) for value in found),
-                    *(_degrees(unit), number(100.0 * one.share, _FIGURE)),
+                    *(_for_people(each and each.figures.get(name), unit) for each in ratings),
+                    *(_degrees(unit), level, number(100.0 * one.share, _FIGURE)),
                 )
             )
     return table(
         "Design",
-        "axis<|figure<|asked|before|designed|worst|unit<|Level 1 %*",
+        "axis<|figure<|Level 1|before|designed|worst|unit<|level<|Level 1 %*",
         rows,
         f"Level 1 in {100.0 * result.share:.3g} % of {result.drawn} models drawn, design "
         f"margin {result.margin:.2g}",

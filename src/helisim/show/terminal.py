@@ -9,6 +9,7 @@ from helisim.show import tables
 from helisim.show.table import Table, as_text, filled, number
 from helisim.sim.rigs import RigTest
 from helisim.study.check import VehicleCheck
+from helisim.study.comparison import ComparisonTable
 from helisim.study.errata import Erratum
 from helisim.study.results import Results
 from helisim.vehicle import Linearization, Vehicle
@@ -29,17 +30,21 @@ _UNITS = {
 _ZERO_POLE = 1e-6  # rad/s, below which poles are integrals, such as position and heading
 
 
-def render_results(results: Results, *, verbose: bool = False) -> str:
-    """Return tables, what was left out and missed; if `verbose` with notes and all else found."""
-    shown = [tables.comparison(table) for table in results.tables]
+def render_comparison(table: ComparisonTable, *, verbose: bool = False) -> str:
+    """Return one model's table; if `verbose` with its notes."""
+    shown = tables.comparison(table)
+    return as_text(shown if verbose else replace(shown, notes=()))
+
+
+def render_results(results: Results, *, verbose: bool = False, printed: bool = False) -> str:
+    """Return tables unless `printed`, what was left out and missed; if `verbose` all else found."""
+    blocks = [render_comparison(one, verbose=verbose) for one in results.tables if not printed]
     others: dict[Callable[[Any], Table], Any] = {
         tables.verification: results.verification,
         tables.gyro_changes: results.gyro_effect,
         tables.overall: results.eq_8,
     }
-    more = [tabled(found) for tabled, found in others.items() if found]
-    shown = [*shown, *more] if verbose else [replace(one, notes=()) for one in shown]
-    blocks = [as_text(table) for table in shown]
+    blocks += [as_text(tabled(one)) for tabled, one in others.items() if one and verbose]
     if results.excluded:
         blocks.append(_list("Left out:", [one.message for one in results.excluded]))
     if results.misses:
@@ -70,12 +75,11 @@ def render_errata(found: Sequence[Erratum]) -> str:
 def render_trims(flights: Sequence[Vehicle]) -> str:
     """Return level flights by speed, and the one of least power."""
     least = min(flights, key=lambda flight: flight.power)
-    text = (
+    return f"{as_text(tables.trims(flights))}\n\n" + filled(
         f"Least power: {least.power:.1f} W at {least.trim.speed:g} m/s. Controls are those of "
         "swashplate and tail, unitised; a and b are the disc's tilt back and to the right of the "
         "mast."
     )
-    return f"{as_text(tables.trims(flights))}\n\n{filled(text)}"
 
 
 def render_check(found: VehicleCheck) -> str:

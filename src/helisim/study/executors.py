@@ -64,7 +64,7 @@ def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
     try:
         import distributed
     except ImportError:
-        raise InputError("Dask isn't installed: pip install helisim[dask]") from None
+        raise InputError("Dask isn't installed: pip install -e '.[dask]'") from None
     if scheduler is not None and jobs is not None:
         raise InputError("jobs are for a cluster started here: leave out jobs or scheduler")
     started: dict[str, Any] = {"n_workers": jobs, "threads_per_worker": 1, "host": "127.0.0.1"}

@@ -74,7 +74,8 @@ def reproduce(
     parameters: Mapping[str, float | str] | None = None,
     timestep: float | None = None,
     rotor: bool = False,
-    on_progress: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
+    on_table: Callable[[ComparisonTable], object] = lambda _: None,
 ) -> Run:
     """Run the paper's experiment on the JR700 and return what its folder holds.
 
@@ -82,7 +83,7 @@ def reproduce(
     the least coherent left out. `jobs` None takes all processors. `parameters` replace calibrated
     ones; the paper is then printed but not judged by. `timestep` is in s, the model's own if None;
     `rotor` records the rotor's true tilt and loads too. `on_progress` gets a word after each flight
-    and model.
+    and model, `on_table` each table, as soon as the sweeps of its model are flown.
 
     Raises InputError, StorageError, or DivergedError where a flight left the model's validity.
     """
@@ -98,37 +99,42 @@ def reproduce(
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     if out is not None:
         make_folder(out / FLIGHTS)
-    on_progress = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle, rotor=rotor)
     with one_blas_thread():
         ground = {one.rig: one for one in run_rigs(vehicle, seed=seed, recorder=recorder)}
     x, y, z = (ground["suspension"][f"imu_{axis}"].value for axis in "xyz")
     recorder = replace(recorder, lever_arm=(x, y, z))
-    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
     doublets = _fly_doublets(vehicle, seed, recorder, out)
-    with one_blas_thread(), ThreadPoolExecutor(threads) as pool:
-        estimated = [*pool.map(partial(frequency_response, flights=kept), MODELS)]
     tables: dict[str, ComparisonTable] = {}
     models: list[IdentifiedModel] = []
-    for model, response in zip(MODELS, estimated):
-        fit = identify_model(model, kept, before=tables, ground=ground, estimated=response)
-        tables[model.name] = comparison_table(
-            vehicle, model, fit, recorder, judge_paper=not parameters, ground=ground
-        )
-        unseen = {axis: doublets[axis] for axis in model.verified_by}
-        models.append(
-            IdentifiedModel(
-                model.name,
-                fit,
-                exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
-                note=model.note,
-                verification=ident.verify(fit, list(unseen.values())) if unseen else None,
-                verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+
+    def identify(flown: Flights) -> None:
+        ready = [one for one in MODELS if one.name not in tables and {*one.sweeps} <= {*flown}]
+        with one_blas_thread(), ThreadPoolExecutor(threads) as pool:
+            estimated = [*pool.map(partial(frequency_response, flights=flown), ready)]
+        for model, response in zip(ready, estimated):
+            fit = identify_model(model, flown, before=tables, ground=ground, estimated=response)
+            tables[model.name] = comparison_table(
+                vehicle, model, fit, recorder, judge_paper=not parameters, ground=ground
             )
-        )
-        on_progress(model.name)
+            unseen = {axis: doublets[axis] for axis in model.verified_by}
+            models.append(
+                IdentifiedModel(
+                    model.name,
+                    fit,
+                    exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
+                    note=model.note,
+                    verification=ident.verify(fit, list(unseen.values())) if unseen else None,
+                    verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+                )
+            )
+            on_progress(model.name)
+            on_table(tables[model.name])
+
+    kept, excluded = fly_sweeps(
+        vehicle, flights, seed, jobs, recorder, out, on_progress, on_axis=identify
+    )
     identified = {name: table.identified for name, table in tables.items()}
-    yaw = (identified[name] for name in ("yaw_base", "yaw_gyro", "yaw_overall"))
     results = Results(
         tables=tuple(tables.values()),
         seed=seed,
@@ -149,7 +155,10 @@ def reproduce(
             one.name: one.verification.figures for one in models if one.verification is not None
         },
         gyro_effect=gyro_effect(identified["rollpitch_in1"], identified["rollpitch_in2"]),
-        eq_8=check_overall(*yaw, band_rad_s=tables["yaw_overall"].band_rad_s),
+        eq_8=check_overall(
+            *(identified[name] for name in ("yaw_base", "yaw_gyro", "yaw_overall")),
+            band_rad_s=tables["yaw_overall"].band_rad_s,
+        ),
     )
     if out is not None:
         write_json(results.to_dict(), out / RESULTS, indent=2)
@@ -164,7 +173,7 @@ def recover(
     seed: int = 1,
     jobs: int | None = None,
     parameters: Mapping[str, float | str] | None = None,
-    on_progress: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Results:
     """Identify yaw, roll-pitch and heave of any vehicle from its sweeps; compare with the truth.
 
@@ -173,14 +182,16 @@ def recover(
     flight left the model's validity.
     """
     flown = flown_each_axis(flights)
-    on_progress = on_progress or (lambda _: None)
     flying = load(vehicle, parameters=parameters)
     recorder = Recorder.of(flying)
     kept, excluded = fly_sweeps(flying, flights, seed, jobs, recorder, None, on_progress)
     tables = []
     for model in base_models(flying):
-        fit = identify_model(model, kept)
-        tables.append(comparison_table(flying, model, fit, recorder, judge_paper=not parameters))
+        tables.append(
+            comparison_table(
+                flying, model, identify_model(model, kept), recorder, judge_paper=not parameters
+            )
+        )
         on_progress(model.name)
     return Results(
         tables=tuple(tables),
@@ -204,11 +215,15 @@ def fly_sweeps(
     recorder: Recorder,
     folder: Path | None,
     on_progress: Callable[[str], None],
+    on_axis: Callable[[Flights], object] = lambda _: None,
 ) -> tuple[Flights, tuple[Exclusion, ...]]:
-    """Fly and record every axis; return the most coherent, and the others. Raises DivergedError."""
+    """Fly and record every axis; return the most coherent, and the others. Raises DivergedError.
+
+    `on_axis` gets those kept so far, from the pedal's on.
+    """
     kept: Flights = {}
     excluded: list[Exclusion] = []
-    for number, axis in enumerate(AXES):
+    for number, axis in reversed([*enumerate(AXES)]):
         names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
         plan = FlightPlan(excitation=Sweep(axis=axis), recorder=recorder)
 
@@ -224,7 +239,7 @@ def fly_sweeps(
                 flown.append(one)
                 on_progress(axis)
         scores = {k: score for k, (record, score) in enumerate(flown) if not record.ended}
-        excluded += [
+        left = [
             Exclusion(flight=name, reason="terminated early", ended=record.ended)
             for name, (record, _) in zip(names, flown)
             if record.ended
@@ -232,17 +247,19 @@ def fly_sweeps(
         if len(scores) < flights:
             raise DivergedError(
                 f"{len(flown) - len(scores)} of {len(flown)} sweeps of {axis} were terminated "
-                f"early, so fewer than {flights} are left; {excluded[-1].message}"
+                f"early, so fewer than {flights} are left; {left[-1].message}"
             )
         best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])
         kept[axis] = [flown[k][0] for k in best]
         shared = {"limit": min(scores[k] for k in best), "kept": flights}
-        excluded += [
+        left += [
             Exclusion(flight=names[k], reason="less coherent", coherence=scores[k], **shared)
             for k in scores
             if k not in best
         ]
-    return kept, tuple(excluded)
+        excluded[:0] = left
+        on_axis(kept)
+    return {axis: kept[axis] for axis in AXES}, tuple(excluded)
 
 
 def sweep_coherence(record: FlightRecord, axis: str) -> float:

@@ -18,7 +18,7 @@ from helisim.study.replicates import run_campaign
 
 pytestmark = pytest.mark.study
 
-NO_DASK = "Dask isn't installed: pip install helisim[dask]"
+NO_DASK = "Dask isn't installed: pip install -e '.[dask]'"
 PLAN = {
     "campaign": {"replicates": 3, "models": ["yaw_base"], "flights": 1},
     "set": {"sweep": {"duration": 30}},
