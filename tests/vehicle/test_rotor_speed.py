@@ -6,6 +6,7 @@ import warnings
 from functools import cache
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -320,6 +321,12 @@ def test_a_value_that_can_not_be_is_refused(changes, error, message):
         with pytest.raises(error, match=message) as raised:
             load(parameters=changes).linearize()
     assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="Python's numbers raise where these overflow")
+def test_a_linearisation_that_overflows_is_refused():
+    with pytest.raises(ModelError, match="linearisation isn't finite"):
+        load(parameters={"servo.swash_frequency": 1e300}).linearize()
 
 
 def test_replace_leaves_the_original(jr700):
