@@ -6,8 +6,8 @@ again, and both hover in gusts of 5 m/s, moderate turbulence, seed by seed. With
 of somebody else in a file (such as AutoTune's), both are also flown with those, and they are what
 the new ones are held against. Bars: margins within 0.5 dB and 3 degrees of those predicted, DRB
 within 5 %; DRB and that of attitude alone at least 1.25 times the opponent's; the error of attitude
-in gusts a quarter less in roll and pitch. An opponent whose margins are below those required is too
-hot: of it the new gains have to reach DRB, at the margins. Exit status 1 if a bar is missed.
+in gusts a quarter less in roll and pitch. An opponent whose margins are too small is marked "too
+hot before": the new gains only have to reach its DRB. Exit status 1 if a bar is missed.
 
 `--vehicle heli` and `heli-blade360` are ArduPilot's own simulated helicopters: parameters are added
 to its copter-heli.parm, and the seed turns the wind, 5 m/s with SIM_WIND_TURB 2, by 72 degrees.

@@ -139,5 +139,12 @@ def test_a_blackbox_log_tells_tones_by_its_speeds_and_the_lag_of_its_filters(tmp
     # counts of 1 deg/s of both gyros: the phase of 60 s' average is off by a few percent
     (lag,) = found.lag(20.0)
     assert lag == pytest.approx(math.degrees(math.atan(20.0 / corner)), rel=0.05)
+    # the rotor stands for longer than it turns, and logging pauses: the longest stretch counts
+    stands = np.arange(time.size) < 35_000
+    paused = {**counts, "headspeed": np.where(stands, 0, counts["headspeed"])}
+    paused["time"] = counts["time"] + np.where(time > 40.0, 30_000_000, 0)
+    again = {one.name: one for one in told(paused).peaks}
+    assert math.degrees(again["1/rev of main"].logged) == pytest.approx(6.0, rel=0.1)
+    assert "too short" in told({name: one[:1] for name, one in counts.items()})
     del counts["gyroRAW[1]"]
     assert "without gyroRAW[1]" in told(counts)

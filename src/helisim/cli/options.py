@@ -217,11 +217,8 @@ def wrapped(text: str, *, indent: int = 0) -> str:
 def coloured(text: str) -> str:
     """Return a text with what is bad in its cells in red, on a terminal without NO_COLOR."""
     plain = not sys.stdout.isatty() or "NO_COLOR" in os.environ
-    return (
-        text
-        if plain
-        else re.sub(r"(?<= )(poor|differs|\d \(was \d\))(?=\s|$)", "\x1b[31m\\1\x1b[0m", text)
-    )
+    bad = r"(?<= )(poor|differs|\d \(was \d\))(?=\s|$)"
+    return text if plain else re.sub(bad, "\x1b[31m\\1\x1b[0m", text)
 
 
 SHARED = {

@@ -46,6 +46,7 @@ _OSCILLATES = 0.2  # of full command: a rotor out of balance moves a JR700's by 
 _FELT = 1e-3  # of full command: half a microsecond of a servo's 500, which are whole ones
 # Of a notch: width over its centre, least width, Hz, and dB; over a rotor's speed, where it stays.
 _WIDTH, _NARROWEST, _DEPTH, _UNDER = 0.35, 5.0, 40.0, 0.9
+_BREAK = 0.1  # s between samples of a Blackbox log, which ends a stretch
 _SETTLES = 200  # samples after which filters have settled
 SET = (
     "set INS_LOG_BAT_MASK 1 (batches at 1 kHz, ISBH and ISBD; restart then), or bit 19 (GYR at "
@@ -223,18 +224,22 @@ def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | 
 
 
 def blackbox_vibration(log: Blackbox, felt: Callable[[Real], Complex]) -> Vibration | str:
-    """Return the vibration in a Blackbox log, with today's filters as they are logged, or why none.
+    """Return the vibration that a Blackbox log shows, or a text that says why it shows none.
 
-    The gyro is in it before and behind its filters. `felt` returns commands, full ones being 1,
-    over rates, (n_command, 3, n_freq) at rad/s. Nothing is proposed.
+    The log has the gyro before and behind its filters. What counts is the longest stretch without
+    a break and with the rotor at speed. `felt` returns the response of commands, 1 being full, to
+    rates, (n_command, 3, n_freq) at rad/s. No notch is proposed.
     """
     before, behind = ([f"{name}[{k}]" for k in range(3)] for name in _GYROS)
     time, names = log.time(), ("headspeed", "tailspeed")
     if missing := {*before, *behind} - {*log.columns}:
         return f"vibration isn't told without {', '.join(sorted(missing))} in the log"
     speed, tail = (log[one] / 60.0 if one in log.columns else 0.0 * time for one in names)
-    here = speed >= _UNDER * np.median(speed)
-    step = usual_step(time, [(time[here][0], time[here][-1])])[0]
+    at = np.flatnonzero(speed >= _UNDER * np.median(speed[speed >= 0.5 * np.max(speed)]))
+    here = max(np.split(at, np.flatnonzero(np.diff(time[at]) > _BREAK) + 1), key=len)
+    step = usual_step(time, [(time[here[0]], time[here[-1]])])[0]
+    if not step:
+        return "vibration isn't told: the log is too short"
     columns = [np.radians(log[one])[here] for one in (*before, *behind)]
     even = _even(time[here], step, columns)
     pair = even[:, :3], even[:, 3:]
