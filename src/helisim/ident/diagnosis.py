@@ -254,7 +254,7 @@ def implausible(
         if one.unit == "rad" and abs(value) - error > _LARGEST_FLAPPING:
             text = (
                 f"{one.name} is {value:.3g} rad per unit of stick, and blades flap by a fraction "
-                "of that: the unit of a rate or of the input is wrong"
+                "of that; look at the units of the rates and of the input"
             )
             yield Note("flapping", text)
     narrow = [pole for pole in poles if 0.0 < -2.0 * pole.real < line and pole.imag > line]
