@@ -237,7 +237,7 @@ def blackbox_vibration(log: Blackbox, felt: Callable[[Real], Complex]) -> Vibrat
     speed, tail = (log[one] / 60.0 if one in log.columns else 0.0 * time for one in names)
     at = np.flatnonzero(speed >= _UNDER * np.median(speed[speed >= 0.5 * np.max(speed)]))
     here = max(np.split(at, np.flatnonzero(np.diff(time[at]) > _BREAK) + 1), key=len)
-    step = usual_step(time, [(time[here[0]], time[here[-1]])])[0]
+    step = usual_step(time[here], [(-np.inf, np.inf)])[0]
     if not step:
         return "vibration isn't told: the log is too short"
     columns = [np.radians(log[one])[here] for one in (*before, *behind)]
