@@ -73,7 +73,7 @@ def test_what_is_wrong_is_said_in_one_line(text, words, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-OF_TASK = {"attitude_bandwidth lat soft", "attitude_quickness lat check", "damping all soft"}
+OF_TASK = {"attitude_bandwidth lat soft", "attitude_quickness lat soft", "damping all soft"}
 OF_ROLL_AND_HEAVE = {
     "margins": {
         "pole_limits all hard",

@@ -270,12 +270,11 @@ class LinearSystem(Value):
 
     def simulate(self, inputs: ArrayLike) -> Real:
         """Return a sampled system's outputs (n_tick, n_out) from rest for inputs (n_tick, n_in)."""
-        state, inputs = np.zeros(len(self.a)), np.asarray(inputs, dtype=np.float64)
-        found = np.empty((len(inputs), len(self.outputs)))
-        for k, now in enumerate(inputs):
-            found[k] = self.c @ state + self.d @ now
-            state = self.a @ state + self.b @ now
-        return found
+        inputs = np.asarray(inputs, dtype=np.float64)
+        driven, states = inputs @ self.b.T, np.zeros((len(inputs) + 1, len(self.a)))
+        for k, given in enumerate(driven):
+            states[k + 1] = self.a @ states[k] + given
+        return states[:-1] @ self.c.T + inputs @ self.d.T
 
     def with_delays_as_states(self) -> "LinearSystem":
         """Return a sampled system with input delays as states, linear between samples."""

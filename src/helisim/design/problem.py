@@ -20,7 +20,7 @@ from helisim.base.units import RAD_PER_DEG
 from helisim.design.descent import Goal, Objective, Trial, descend
 from helisim.design.laws.law import Law
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.criteria import DisturbanceRejection, PoleLimits
+from helisim.handling.criteria import Crossover, DisturbanceRejection, PoleLimits
 from helisim.handling.criterion import Criterion, Rating
 from helisim.handling.figures import HALF_POWER
 from helisim.handling.loop import Loop
@@ -39,8 +39,8 @@ _RIGOUR = 10.0  # weight of a shortfall of a hard constraint, 1 that of a level
 _RIGID = 200.0  # weight of shortfalls of what holds, 1 that of what can't be met
 _STABLE = 0.3  # rad/s, to the left of which every pole is moved first
 _HELD = 1e-3  # distance by which a met goal may be missed
-_STARTS = 3
-_AROUND = 0.7  # largest difference of starts' coordinates
+_STARTS, _MOST_STARTS = 3, 9  # always, and while none of them meets all that is asked
+_AROUND, _NEARER = 0.7, 0.35  # largest difference of coordinates: from the start, from the best
 _ROUNDS = 4
 
 
@@ -188,17 +188,23 @@ def growth(loop: Loop) -> float:
 
 
 def distance(criterion: Criterion, loop: Loop) -> float:
-    """Return a rating's distance; of disturbance rejection one that is continuous.
+    """Return a rating's distance; of crossover and disturbance rejection one that is continuous.
 
-    |S| must also stay below 1 / sqrt 2 up to the border: humps there make the bandwidth jump.
+    Humps make both jump: |S| must also stay below 1 / sqrt 2 up to the border, and the broken
+    loop's gain below one from half an octave beyond it.
     """
-    own = criterion.rate(loop).distance
-    if not isinstance(criterion, DisturbanceRejection):
-        return own
-    seen, border = loop.disturbance(criterion.axis), criterion.limits["drb"]
-    # a hump is lower than where |S| crosses: just below the border the bandwidth speaks
-    below = seen.decibel[seen.frequency < 0.7 * border.level1]
-    return min(own, (HALF_POWER - float(np.max(below, initial=-np.inf))) / _HUMP)
+    own, limits = criterion.rate(loop).distance, criterion.limits
+    match criterion:
+        case DisturbanceRejection():
+            # a hump is lower than where |S| crosses: just below the border the bandwidth speaks
+            seen, highest = loop.disturbance(criterion.axis), HALF_POWER
+            near = seen.frequency < 0.7 * limits["drb"].level1
+        case Crossover():
+            seen, highest = loop.broken(criterion.axis, criterion.at), 0.0
+            near = seen.frequency > 1.4 * limits["crossover"].level1
+        case _:
+            return own
+    return min(own, (highest - float(np.max(seen.decibel[near], initial=-np.inf))) / _HUMP)
 
 
 class Search:
@@ -226,9 +232,14 @@ class Search:
 
     def _nominal(self) -> tuple[Real, float]:
         rng, own = np.random.default_rng(self._seed), self._problem.start
-        steps = rng.uniform(-_AROUND, _AROUND, (_STARTS - 1, own.size))
-        found = []
-        for k, start in enumerate([own, *np.clip(own + steps, *self._problem.box)]):
+        found: list[tuple[float, float, Real]] = []
+        for k in range(_MOST_STARTS):
+            best = max(found, key=lambda one: one[:2], default=None)
+            if best and k >= _STARTS and best[0] >= 0.0:
+                break
+            around, most = (own, _AROUND) if k < _STARTS or not best else (best[2], _NEARER)
+            away = rng.uniform(-most, most, own.size) if k else 0.0
+            start = np.clip(around + away, *self._problem.box)
             if k and self._objective(start) is None:
                 continue
             at, margin = self._solved(self._stabilised(start))

@@ -14,15 +14,16 @@ from helisim.design.laws.law import Law, Lead
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import (
     ActuatorUse,
+    AttitudeQuickness,
     Crossover,
     DisturbanceRejection,
     LoadRejection,
     PoleLimits,
 )
 from helisim.handling.criterion import froude_scale
-from helisim.handling.figures import rejection
+from helisim.handling.figures import margins, rejection
 from helisim.handling.limit import Limit
-from helisim.handling.loop import GRID
+from helisim.handling.loop import GRID, NoResponse
 from helisim.handling.spec import ATTITUDES, Spec, standard
 
 _INVERTED = np.geomspace(1.0, 8.0, 20)  # rad/s, of the model's inverse
@@ -53,7 +54,7 @@ _STIFFER = {True: 3.0, False: 0.0}
 _SLOWEST = 0.3
 _SPAN = 3.0  # dB from Level 1 to the end of Level 2
 _GROWTH = Limit(1e-3, 0.05)
-_FAST = Limit(30.0, 60.0)
+_FAST = 30.0  # rad/s, a crossover that costs nothing, or what the stiffer loads take
 
 
 def attitude_start(
@@ -153,10 +154,11 @@ def usual_specs(
 ) -> tuple[Spec, ...]:
     """Return the specifications of a law that replaces another one on a small helicopter.
 
-    Hard: stability, margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay and
-    damping of ADS-33E-PRF and disturbance rejection, by Froude's law; rejection bandwidth 1.3 times
-    (yaw: 1 time) that of the law before, loads rejected better. Objective: crossovers and actuator
-    use. `period` in s, `diameter` in m, `rate_limit` unitised, a second.
+    Hard: stability, margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay,
+    damping of ADS-33E-PRF, and quickness where the law before has Level 1, and disturbance
+    rejection, by Froude's law; rejection bandwidth 1.3 times (yaw: 1 time) that of the law before,
+    loads rejected better, for which crossovers may grow. Objective: actuator use. `period` in s,
+    `diameter` in m, `rate_limit` unitised, a second.
     """
     scale = froude_scale(diameter)
     loop = ClosedLoop(plant, before.linear(period), GRID)
@@ -176,10 +178,21 @@ def usual_specs(
             load = LoadRejection(axis=axis, by=by, low=_SLOWEST, high=high, turned=Limit(0, _SPAN))
             most = load.rate(loop).figures["turned"] - _STIFFER[by == axis]
             found.append(Spec(replace(load, turned=Limit(most, most + _SPAN))))
-    found += standard(TASK, scale=scale)
+    for spec in standard(TASK, scale=scale):
+        slow = isinstance(spec.criterion, AttitudeQuickness) and not _quick(spec.criterion, loop)
+        found.append(replace(spec, kind="check") if slow else spec)
     for axis in ATTITUDES:
+        crossover = margins(loop.broken(axis, "actuators")).crossover
+        fast = max(_FAST, 10.0 ** (_STIFFER[True] / 20.0) * crossover)
         found += [
-            Spec(Crossover(axis=axis, frequency=_FAST), "objective"),
+            Spec(Crossover(axis=axis, frequency=Limit(fast, 2.0 * fast))),
             Spec(ActuatorUse(axis=axis, rate_limit=rate_limit, scale=scale), "objective"),
         ]
     return tuple(found)
+
+
+def _quick(criterion: AttitudeQuickness, loop: ClosedLoop) -> bool:
+    try:
+        return criterion.rate(loop).level == 1
+    except NoResponse:  # a law without sticks
+        return False

@@ -130,7 +130,7 @@ def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) 
     cyclic = ["lat", "lon"] if {"lat", "lon"} <= set(names) else []
     of_task = [
         (partial(AttitudeBandwidth, task=name.removeprefix("ads33e_")), "soft", attitudes),
-        (AttitudeQuickness, "check", attitudes),
+        (AttitudeQuickness, "soft", attitudes),
         (Coupling, "check", cyclic),
         (Damping, "soft", [WHOLE]),
     ]
