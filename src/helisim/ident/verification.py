@@ -114,8 +114,7 @@ def root_mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return Theil's coefficient of each output, (n_out,); 0 where nothing moves."""
     size = root_mean_square(measured) + root_mean_square(predicted)
-    error = root_mean_square(measured - predicted)
-    return error / np.where(size > 0.0, size, 1.0)
+    return root_mean_square(measured - predicted) / np.where(size > 0.0, size, 1.0)
 
 
 def overall_theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:
