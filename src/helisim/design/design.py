@@ -12,7 +12,7 @@ from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError
 from helisim.base.files import write_json
 from helisim.base.linear import Linear
-from helisim.base.settings import Checked, Value
+from helisim.base.settings import FrozenMap, Value
 from helisim.design.laws.law import Law
 from helisim.design.plant import Plant
 from helisim.design.problem import (
@@ -77,7 +77,7 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignResult(Checked, Value, Displayed):
+class DesignResult(Value, Displayed):
     """A designed law with ratings; each specification keeps `margin` in the models designed with.
 
     `share` is of the `drawn` models in which every hard and soft specification keeps Level 1.
@@ -90,6 +90,10 @@ class DesignResult(Checked, Value, Displayed):
     share: float
     drawn: int
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "judged", tuple(self.judged))
+        object.__setattr__(self, "provenance", FrozenMap(self.provenance))
 
     def __repr__(self) -> str:
         return (

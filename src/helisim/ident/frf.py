@@ -167,8 +167,7 @@ def _disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> Itera
     own, other, between = (np.diagonal(one.covariance(*at)).real for one in models)
     size, gap = np.abs(joint.response[at]), np.abs(joint.response[at] - direct.response[at])
     least = np.maximum(np.square(_LEAST_GAP * size), np.maximum(own + other, _CHANCE * between))
-    found = (gap**2 > least) & joint.usable(_LEAST_COHERENCE)[at]
-    relative = np.where(found, gap / size, 0.0)
+    relative = np.where((gap**2 > least) & joint.usable(_LEAST_COHERENCE)[at], gap / size, 0.0)
     for pair, apart in zip(joint.pairs, relative.reshape(-1, index.size)):
         count, worst = np.count_nonzero(apart), int(np.argmax(apart))
         if count >= min(_FEWEST_APART, index.size):

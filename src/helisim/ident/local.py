@@ -367,8 +367,7 @@ def choose(
     squared, sure = np.zeros(gain.shape), np.zeros(gain.shape)
     for width in range(n_width):
         # the next narrower valid width, itself if none
-        numbers = np.where(valid[:width], np.arange(width)[:, None], -1)
-        before = np.max(numbers, axis=0, initial=-1)
+        before = np.max(np.where(valid[:width], np.arange(width)[:, None], -1), axis=0, initial=-1)
         before = np.where(before < 0, width, before)
         gap = np.abs(gain[width] - gain[before, :, :, at].transpose(1, 2, 0)) ** 2
         between = own[width] + own[before, :, at].T - 2.0 * shared[width, before, :, at].T

@@ -238,8 +238,7 @@ class LocalScatter(Value):
         """Return the weights of a frequency's parts and inputs, (n_point, n_part n_in)."""
         part = self.weights[position].part
         mixing = np.zeros((output.size, part.size, self.share.shape[2]))
-        share = self.share[part][:, output, input_, position]
-        mixing[np.arange(output.size), :, input_] = share.T
+        mixing[np.arange(output.size), :, input_] = self.share[part][:, output, input_, position].T
         return mixing.reshape(output.size, -1)
 
     def noise_root(self) -> Complex:
