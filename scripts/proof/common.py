@@ -7,23 +7,17 @@ import re
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
 import numpy as np
 
+import helisim as hs
 from helisim.base.errors import HelisimError
 from helisim.base.files import read_toml
-from helisim.ident import (
-    Fit,
-    FrequencyResponse,
-    Structure,
-    frequency_response,
-    identify,
-    structures,
-)
 from helisim.records.record import Channel, FlightRecord, channel
 
 
@@ -78,15 +72,15 @@ def legend(words: Mapping[str, str]) -> None:
 
 def identified(
     records: Sequence[FlightRecord],
-    structure: Structure,
+    structure: hs.Structure,
     band: tuple[float, float],
     reference: Sequence[str] | None = None,
-) -> tuple[FrequencyResponse, Fit]:
+) -> tuple[hs.FrequencyResponse, hs.Fit]:
     """Return the response of records, and the fit of a structure to it, with default options."""
     names = {"inputs": structure.inputs, "outputs": structure.outputs, "reference": reference}
     with quiet():
-        frf = frequency_response(records, band=band, **names)
-        return frf, identify(frf, structure)
+        frf = hs.frequency_response(records, band=band, **names)
+        return frf, hs.identify(frf, structure)
 
 
 def truths(path: Any, kind: type) -> dict[str, Any]:
@@ -95,9 +89,11 @@ def truths(path: Any, kind: type) -> dict[str, Any]:
     for name, table in read_toml(path).items():
         how = table.pop("structure", name)
         if isinstance(how, Mapping) and "zeros" in how:
-            structure = structures.transfer_function(**how)
+            structure = hs.structures.transfer_function(**how)
         else:
-            structure = structures.named(how) if isinstance(how, str) else Structure.from_dict(how)
+            structure = (
+                hs.structures.named(how) if isinstance(how, str) else hs.Structure.from_dict(how)
+            )
         found[name] = kind(structure, **table)
     return found
 
@@ -150,8 +146,4 @@ def counted(words: Sequence[str]) -> str:
     return ", ".join(f"{words.count(one)} {one}" for one in dict.fromkeys(words))
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
+quiet = partial(warnings.catch_warnings, action="ignore")
