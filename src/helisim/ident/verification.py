@@ -169,9 +169,11 @@ class VerificationFigures:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        plain = {"j_rms": self.j_rms, "tic": self.tic, "acceptable": self.acceptable}
-        approach = self.approach and self.approach.to_dict()
-        return {**plain, **to_plain(self), "approach": approach}
+        return {
+            **{"j_rms": self.j_rms, "tic": self.tic, "acceptable": self.acceptable},
+            **to_plain(self),
+            "approach": self.approach and self.approach.to_dict(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
