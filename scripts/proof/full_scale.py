@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import common
 import numpy as np
-from printed import CLOSE, KNOT, PUSH, small, weighed, within
+from common import CLOSE, KNOT, PUSH, small, weighed, within
 
 import helisim as hs
 from helisim.base.files import read_toml

@@ -19,7 +19,7 @@ from typing import Any
 import common
 import mujoco
 import numpy as np
-from printed import CLOSE, KNOT, PUSH, small, weighed, within
+from common import CLOSE, KNOT, PUSH, small, weighed, within
 
 import helisim as hs
 from helisim.base.files import read_toml
