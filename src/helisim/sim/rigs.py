@@ -26,7 +26,7 @@ from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
 
-_Complex = NDArray[np.complexfloating[Any, Any]]
+_Complex = NDArray[np.complex128]
 
 _ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=FlightEnvelope().rate)
 _STEPS = (0.016, 0.015, 0.014, 0.013, 0.012)  # of the pedals, unitised
