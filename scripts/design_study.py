@@ -21,7 +21,6 @@ import common
 
 import helisim as hs
 from helisim.design.exact import air_met, exact_loop, hands_off
-from helisim.design.proof import ProofPlan
 from helisim.show.design_page import write_design_page
 from helisim.study.design_chain import DesignRun, run_design, write_design
 
@@ -79,7 +78,7 @@ def main(flights: int = 10, seed: int = 1) -> int:
 
 def errors(run: DesignRun) -> Iterator[Error]:
     assert run.proof is not None
-    plan = ProofPlan()
+    plan = hs.ProofPlan()
     flies = hands_off(run.vehicle).with_controller(run.result.law)
     air = [
         (share, exact_loop(one, run.proof.exact.frequency))

@@ -1,24 +1,18 @@
 """What a log of ArduPilot's mode SystemID tells of a helicopter, beside the truth.
 
-`helisim identify LOG`, with nothing else, on two kinds of flights by an unmodified ArduCopter-heli:
+`helisim identify LOG`, with nothing else, on flights by an unmodified ArduCopter-heli, of
 
-- of the JR700, whose rotor keeps its speed (`--set drive.governor=ideal`), as in the structures:
-  the truth is the exact linearisation of the vehicle that flew, in ArduPilot's units (its mixer's
+- the JR700 at constant rotor speed (`--set drive.governor=ideal`), as the structures have it: the
+  truth is the exact linearisation of the vehicle that flew, in ArduPilot's units (its mixer's
   outputs -1 to 1, throttle 0 to 1) by its mixer, the pulses and our swashplate;
-- of ArduPilot's own simulated helicopter, an outside truth: the coefficients that its public source
-  states (ArduPilot, libraries/SITL/SIM_Helicopter.cpp; those of its Blade 360 are Walker's and
-  Tischler's, VFS Forum 77, 2021), in the same units.
+- ArduPilot's own simulated helicopter: the truth is what its public source states
+  (libraries/SITL/SIM_Helicopter.cpp; of its Blade 360 Walker's and Tischler's, VFS Forum 77, 2021).
 
-A bound is the Cramér-Rao bound that is printed beside a value. Delays are no derivatives, and are
-left out.
-
-And `helisim margins LOG`, with nothing else, beside the exact loops: ArduCopter's law from the
-parameters in the log (`helisim.handling.arducopter`, which repeats an ArduCopter's own terms tick
-by tick), and the exact linearisation of the vehicle that flew, motor and all, sampled at the
-autopilot's ticks. Its pulses act at once and are held for a tick; the tail's go out a tick later.
-Sweeps of the JR700 go to 24 Hz. Crossover and DRB are frequencies: judged is by how many dB the
-exact curve misses 0 dB, or -3 dB, where the measured one has them. The curves themselves are judged
-where 0.1 < |L| < 10.
+A bound is the Cramér-Rao bound that is printed beside a value; delays are left out. And `helisim
+margins LOG` beside the exact loops: ArduCopter's law by the log's parameters, and the vehicle that
+flew, motor and all, linearised exactly and sampled at the autopilot's ticks. Its pulses act at once
+and are held for a tick; the tail's go out a tick later. Crossover and DRB are judged by how many dB
+the exact curve misses 0 or -3 dB where the measured one has them, curves where 0.1 < |L| < 10.
 
     python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
     python scripts/sitl_study.py --loops loops.bin --heli-loops heli.bin
@@ -31,6 +25,7 @@ exit status is 1 if a bar is missed, or a figure was not measured.
 import math
 import sys
 import tempfile
+from collections import namedtuple
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -40,12 +35,12 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent / "proof"))
 import ardupilots_helicopter as heli_flights
 import common
 
+import helisim as hs
 from helisim.base.files import read_toml
 from helisim.base.linear import Linear, LinearSystem
 from helisim.base.units import STANDARD_GRAVITY
@@ -55,20 +50,14 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import HALF_POWER, margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import Interval
-from helisim.handling.measured.margins import MeasuredMargins
-from helisim.ident import load_fit
-from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_law, flown_loops
 from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Mixer, command_scale
-from helisim.vehicle import Vehicle
 
 JR700, HELI, LOOPS = "jr700", "heli", "loops"
-BARS = {JR700: 2.0, HELI: 3.0, "heli-blade360": 3.0}
-"""Whose log -> largest median error, percent."""
-LARGEST = {JR700: 3.0}
-"""Whose log -> largest error of any derivative, percent."""
+BARS = {JR700: 2.0, HELI: 3.0, "heli-blade360": 3.0}  # whose log -> largest median error, %
+LARGEST = {JR700: 3.0}  # whose log -> largest error of any derivative, %
 INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
 DECIBEL, DEGREES = 0.5, 3.0  # The bars of loops.
 _JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
@@ -77,13 +66,11 @@ FLIGHTS = {
     JR700: "--script sysid --axes roll,pitch,yaw,thrust --set drive.governor=ideal",
     LOOPS: "--script sysid,stop_hz=24 --axes roll,pitch,yaw",
 }
-SOURCES = read_toml(Path(__file__).with_suffix(".toml"))
-"""Coefficients of ArduPilot's own helicopters, as its source has them."""
+SOURCES = read_toml(Path(__file__).with_suffix(".toml"))  # coefficients, as ArduPilot's has them
 OUTPUTS = (*RATES, *ATTITUDES)
-Array = NDArray[np.float64]
 
 
-def commanded(parameters: Mapping[str, float], hover: float) -> tuple[Vehicle, Array]:
+def commanded(parameters: Mapping[str, float], hover: float) -> tuple[hs.Vehicle, np.ndarray]:
     """Return the JR700 that flew, and its inputs by ArduPilot's commands, (4, 4), as `IN1`.
 
     ArduPilot's parameters are by name; `hover` is the throttle of the hover, 0 to 1.
@@ -205,7 +192,7 @@ class Derivative(NamedTuple):
 
 
 def derivatives(whose: str, log: Path) -> list[Derivative]:
-    flown = DataFlash(log)
+    flown = hs.DataFlash(log)
     parameters, swept = flown.parameters(), flown.table("SIDD").time
     hover = throttle(flown, swept[0], swept[-1])
     mine = whose == JR700
@@ -216,7 +203,7 @@ def derivatives(whose: str, log: Path) -> list[Derivative]:
             status = command(words)
         if status not in (0, 1, 3):  # 1 and 3 are fits that it finds wrong or doubtful
             sys.exit(f"{log} is not identified")
-        fits = [load_fit(path) for path in sorted(Path(folder).glob("*.json"))]
+        fits = [hs.load_fit(path) for path in sorted(Path(folder).glob("*.json"))]
     return [
         Derivative(name, one.unit, one.value, one.cramer_rao, one.standard_error, true[name])
         for name, one in {name: one for fit in fits for name, one in fit.parameters.items()}.items()
@@ -250,21 +237,11 @@ def judged(whose: str, log: Path) -> list[str]:
     return [f"{whose}: {what}" for what, missed in bars.items() if missed]
 
 
-class Figure(NamedTuple):
-    """A loop's figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
-
-    axis: str
-    figure: str
-    value: float
-    low: float
-    high: float
-    exact: float
-    unit: str
-    off: float
-    bar: float
+Figure = namedtuple("Figure", "axis figure value low high exact unit off bar")
+"""A loop's figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
 
 
-def figures(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Figure]:
+def figures(found: hs.MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Figure]:
     rows = []
     measured = {(one.axis, one.name): one.interval for one in found.figures}
     for axis in found.loop.axes:
@@ -298,7 +275,7 @@ def figures(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[F
     return rows
 
 
-def throttle(log: DataFlash, start: float, stop: float) -> float:
+def throttle(log: hs.DataFlash, start: float, stop: float) -> float:
     """Return the median throttle, 0 to 1, between two times of a log, s."""
     table = log.table("RATE")
     between = (table.time >= start) & (table.time <= stop)
@@ -310,7 +287,7 @@ def judged_loops(log: Path, *, own: bool) -> list[str]:
 
     Return the bars that are missed.
     """
-    flown, opened = flown_loops(log), DataFlash(log)
+    flown, opened = flown_loops(log), hs.DataFlash(log)
     swept = [sweep for one in flown.logs.values() for sweep in one]
     start, stop = (opened.begins + one for one in (swept[0].start, swept[-1].stop))
     hover, parameters = throttle(opened, start, stop), opened.parameters()

@@ -22,7 +22,6 @@ import mujoco
 from numba import cfunc, types
 
 import helisim as hs
-from helisim.physics.native import installed
 from helisim.sim.flight import prepare
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.trim import place
@@ -32,20 +31,15 @@ INTEGRATORS: tuple[Integrator, ...] = ("RK4", "Euler")
 ALL_ON = {"main_rotor.inflow": "pitt-peters", "drive.governor": "motor", "air.ground_effect": 1.0}
 FLOWN = (*INTEGRATORS, *(f"{integrator}, all on" for integrator in INTEGRATORS))
 READ, UNREAD = "JSBSim, outputs read", "JSBSim, nothing read"
-OUTPUTS = tuple(
-    f"{group}/{name}"
-    for group, names in {
-        "velocities": "p-rad_sec q-rad_sec r-rad_sec u-fps v-fps w-fps",
-        "attitude": "phi-rad theta-rad psi-rad",
-        "accelerations": "n-pilot-x-norm n-pilot-y-norm n-pilot-z-norm",
-        "position": "lat-geod-rad long-gc-rad h-sl-ft",
-        "fcs": "elevator-cmd-norm aileron-cmd-norm rudder-cmd-norm collective-cmd-norm",
-        "propulsion/engine": "rotor-rpm thrust-lbs",
-        "simulation": "sim-time-sec",
-    }.items()
-    for name in names.split()
+OUTPUTS = (  # what helisim's sensors write too, as far as JSBSim has it
+    *(f"velocities/{axis}-rad_sec" for axis in "pqr"),
+    *(f"velocities/{axis}-fps" for axis in "uvw"),
+    *(f"attitude/{name}-rad" for name in ("phi", "theta", "psi")),
+    *(f"accelerations/n-pilot-{axis}-norm" for axis in "xyz"),
+    *("position/lat-geod-rad", "position/long-gc-rad", "position/h-sl-ft"),
+    *(f"fcs/{name}-cmd-norm" for name in ("elevator", "aileron", "rudder", "collective")),
+    *("propulsion/engine/rotor-rpm", "propulsion/engine/thrust-lbs", "simulation/sim-time-sec"),
 )
-"""What helisim's sensors write too, as far as JSBSim has it."""
 
 
 @cfunc(types.float64())
@@ -87,7 +81,7 @@ def _of_ours(
         return (time.process_time() - start) / STEPS
 
     def ours() -> float:
-        with installed():
+        with hs.installed():
             return cost(20.0)
 
     def untimed() -> float:

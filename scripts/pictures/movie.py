@@ -20,7 +20,6 @@ from helisim.physics.layout import STATE
 from helisim.physics.motion import flip
 from helisim.records.record import ATTITUDES, LOAD, POSITIONS
 from helisim.show.viewer import Rotors
-from helisim.sim.ground import Ground
 from helisim.vehicle.addresses import addresses, root_body
 from helisim.vehicle.slung import own_centre
 
@@ -35,7 +34,7 @@ class Scene:
         self.record, self.still = hs.read_record(path), view.still
         said = self.record.provenance
         vehicle = hs.load(said["vehicle"], slung=said.get("slung"))
-        self.ground = Ground.of_record(self.record)
+        self.ground = hs.Ground.of_record(self.record)
         self.model = vehicle.visual_model(self.ground and self.ground.put_into)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, self.data)

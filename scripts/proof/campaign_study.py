@@ -8,14 +8,13 @@ scatter and coverage at any condition: `helisim study campaign study --by record
 
     helisim study campaign scripts/campaigns/study.toml --out study
     python scripts/proof/campaign_study.py study
-
-Of two campaigns with the same seeds, what their difference moves is printed instead: for every
-parameter the mean and the greatest difference of the estimates of the same replicates, in percent
-of the truth, beside their scatter over the replicates.
-
     python scripts/proof/campaign_study.py rk4 euler
+
+Of two campaigns with the same seeds: what their difference moves, the mean and the greatest
+difference of the same replicates' estimates, in percent of the truth, beside their scatter.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,29 +22,18 @@ import common
 import numpy as np
 import pyarrow as pa
 
-from helisim.ident import identify
-from helisim.sim import Recorder
+import helisim as hs
 from helisim.study.models import MODELS
 from helisim.study.paper import published
 from helisim.study.replicates import Summary, errors, read_dataset, summarise
 from helisim.study.truth import exact_response
-from helisim.vehicle import load
 
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
 SHARE = 0.95  # Of the replicates that must be within a bound.
 LENGTH = "sweep.duration"  # The condition that is mildest where it is greatest.
 HELD = 0.90  # Of the replicates whose 95 % intervals must hold the truth.
 
-Row, Lines = dict[str, Any], dict[str, list[Summary]]
-
-
-def conditions(provenance: Row) -> tuple[str, ...]:
-    settings = provenance["campaign"]["settings"]
-    return tuple(f"{one['section']}.{one['name']}" for one in settings if len(one["values"]) > 1)
-
-
-def levels(rows: Sequence[Row], column: str) -> list[Any]:
-    return sorted({row[column] for row in rows})
+Row = dict[str, Any]
 
 
 def select(rows: Sequence[Row], condition: Row) -> list[Row]:
@@ -56,19 +44,13 @@ def in_words(condition: Row) -> str:
     return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
 
-def summed(rows: Sequence[Row], *by: str) -> Lines:
-    """Return each parameter's summaries, in the order of the columns that they are by."""
-    lines: Lines = {}
+def verdict(rows: Sequence[Row]) -> None:
+    """Print the coverage at each number and length of sweeps, and which fall below `HELD`."""
+    lines, by = defaultdict[str, list[Summary]](list), ("flights", LENGTH)
     found = summarise(pa.Table.from_pylist(rows), by=by)
     for one in sorted(found, key=lambda one: [one.group[name] for name in by]):
         method = "" if one.group["method"] == "designed" else f" {one.group['method']}"
-        lines.setdefault(f"{one.model} {one.parameter}{method}", []).append(one)
-    return lines
-
-
-def verdict(rows: Sequence[Row]) -> None:
-    """Print the coverage at each number and length of sweeps, and which fall below `HELD`."""
-    lines = summed(rows, "flights", LENGTH)
+        lines[f"{one.model} {one.parameter}{method}"].append(one)
     flown = [f"{n} x {s:g} s" for n, s in sorted({(r["flights"], r[LENGTH]) for r in rows})]
     for head, width, cell in (
         ("bias +- scatter, stated", 26, scattered),
@@ -122,14 +104,14 @@ def tended_to(plan: Row) -> dict[tuple[str, str], float]:
     names = {one["name"].split(".")[0] for one in plan["settings"]}
     if "vehicle" in sections or names & {"wind", "latency"}:
         return {}
-    vehicle = load(plan["vehicle"])
+    vehicle = hs.load(plan["vehicle"])
     found = {}
     for model in MODELS:
         if model.truth_kind != "derivatives" or model.name not in plan["models"]:
             continue
         omega = np.geomspace(*model.band, 200)
-        exact = exact_response(vehicle, model, Recorder.of(vehicle), omega)
-        fit = identify(exact, model.structure, weighting=model.weighting)
+        exact = exact_response(vehicle, model, hs.Recorder.of(vehicle), omega)
+        fit = hs.identify(exact, model.structure, weighting=model.weighting)
         found |= {(model.name, name): float(value) for name, value in fit.values.items()}
     return found
 
@@ -155,12 +137,10 @@ def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
     model, parameter = key
     wanted = {"model": model, "parameter": parameter, "method": "designed"}
     enough: list[tuple[float, str]] = []
-    for duration in levels(rows, LENGTH) if LENGTH in rows[0] else [None]:
-        of_length = wanted if duration is None else {**wanted, LENGTH: duration}
-        for flights in reversed(levels(rows, "flights")):
-            some = select(rows, {**of_length, "flights": flights})
-            if not some:
-                continue
+    for duration in sorted({row.get(LENGTH) for row in rows}):
+        mine = select(rows, wanted if duration is None else {**wanted, LENGTH: duration})
+        for flights in sorted({row["flights"] for row in mine}, reverse=True):
+            some = select(mine, {"flights": flights})
             if (np.abs(errors(some)) <= limit).sum() < SHARE * len(some):
                 break
             time = max(row["flight_time"] for row in some if row["flight_time"] is not None)
@@ -204,12 +184,14 @@ def main(path: str, other: str = "") -> None:
         return compare(path, other)
     table, provenance = read_dataset(path)
     rows = table.to_pylist()
-    columns = conditions(provenance)
+    plan = provenance["campaign"]
+    varied = [one for one in plan["settings"] if len(one["values"]) > 1]
+    columns = tuple(f"{one['section']}.{one['name']}" for one in varied)
     replicates = len({row["replicate"] for row in rows})
-    most = {"flights": max(levels(rows, "flights"))}
+    most = {"flights": max(row["flights"] for row in rows)}
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
     print(f"all conditions together, {in_words(most)} on each axis")
-    apart(select(rows, most), columns, tended_to(provenance["campaign"]))
+    apart(select(rows, most), columns, tended_to(plan))
     if columns == (LENGTH,):
         verdict(rows)
     shortest(rows, columns)

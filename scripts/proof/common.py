@@ -1,4 +1,4 @@
-"""What proofs share: a command line of main's arguments, tables; truths, records, fits."""
+"""What proofs share: a command line of main's arguments, tables; truths, records, fits, prints."""
 
 import argparse
 import csv
@@ -7,24 +7,28 @@ import re
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
 import numpy as np
 
+import helisim as hs
 from helisim.base.errors import HelisimError
 from helisim.base.files import read_toml
-from helisim.ident import (
-    Fit,
-    FrequencyResponse,
-    Structure,
-    frequency_response,
-    identify,
-    structures,
-)
 from helisim.records.record import Channel, FlightRecord, channel
+
+# What a print says of a helicopter beside what the model does: which differences matter.
+KNOT = 1852.0 / 3600.0  # m/s
+CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
+SMALL = 0.05  # Share of an axis's largest effect below which a difference is nobody's matter.
+HALF_A_DEGREE = np.radians(0.5)  # Of an angle: what a protractor on a blade tells.
+PUSH = {**dict.fromkeys("uvw", 1.0), **dict.fromkeys("pqr", 0.1)}
+PUSH |= dict.fromkeys(("theta_0", "theta_1s", "theta_1c", "A_1", "B_1", "theta_0T"), 0.01)
+"""m/s, rad/s and rad whose effects on an axis are compared with each other."""
+_ANGLES = ("th", "ph", "a_", "b_", "B_", "al")
 
 
 def run(main: Callable[..., Any]) -> NoReturn:
@@ -78,15 +82,15 @@ def legend(words: Mapping[str, str]) -> None:
 
 def identified(
     records: Sequence[FlightRecord],
-    structure: Structure,
+    structure: hs.Structure,
     band: tuple[float, float],
     reference: Sequence[str] | None = None,
-) -> tuple[FrequencyResponse, Fit]:
+) -> tuple[hs.FrequencyResponse, hs.Fit]:
     """Return the response of records, and the fit of a structure to it, with default options."""
     names = {"inputs": structure.inputs, "outputs": structure.outputs, "reference": reference}
     with quiet():
-        frf = frequency_response(records, band=band, **names)
-        return frf, identify(frf, structure)
+        frf = hs.frequency_response(records, band=band, **names)
+        return frf, hs.identify(frf, structure)
 
 
 def truths(path: Any, kind: type) -> dict[str, Any]:
@@ -95,9 +99,11 @@ def truths(path: Any, kind: type) -> dict[str, Any]:
     for name, table in read_toml(path).items():
         how = table.pop("structure", name)
         if isinstance(how, Mapping) and "zeros" in how:
-            structure = structures.transfer_function(**how)
+            structure = hs.structures.transfer_function(**how)
         else:
-            structure = structures.named(how) if isinstance(how, str) else Structure.from_dict(how)
+            structure = (
+                hs.structures.named(how) if isinstance(how, str) else hs.Structure.from_dict(how)
+            )
         found[name] = kind(structure, **table)
     return found
 
@@ -150,8 +156,24 @@ def counted(words: Sequence[str]) -> str:
     return ", ".join(f"{words.count(one)} {one}" for one in dict.fromkeys(words))
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
+quiet = partial(warnings.catch_warnings, action="ignore")  # within it nothing warns
+
+
+def small(name: str, printed: Mapping[str, float], push: Mapping[str, float]) -> float:
+    """Return the difference of a printed figure that is nobody's matter."""
+    axis, _, cause = name.partition("_")
+    if cause not in push:
+        return float(HALF_A_DEGREE) if name[:2] in _ANGLES else 0.0
+    same = [row for row in printed if row[0] == axis and row[2:] in push]
+    return SMALL * max(abs(printed[row]) * push[row[2:]] for row in same) / push[cause]
+
+
+def within(found: float, printed: float, least: float) -> bool:
+    return abs(found - printed) <= max(least, CLOSE * abs(printed))
+
+
+def weighed(weights: Mapping[str, Any], figures: Mapping[str, float], k: int = 0) -> float:
+    """Return a sum of figures, each with its weight, or the k-th of its weights; "one" is 1."""
+    figures = {"one": 1.0, **figures}
+    by = {name: one[k] if isinstance(one, list) else one for name, one in weights.items()}
+    return sum(weight * figures[name] for name, weight in by.items())

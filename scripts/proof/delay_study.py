@@ -2,21 +2,15 @@
 
 Each system is drawn from its seed: poles and zeros log-uniform over the band, damping 0.1 to 1,
 one numerator in five in the right half plane, either sign, a delay uniform up to the given one.
-Its response, exact but for complex white noise of 1 %, is fitted with default options. It counts
-as found when the delay and every pole are within five standard errors of the truth's; a share of
-the true pole's size is always allowed, which a fit without noise would need for rounding alone.
-
-Where a zero nearly cancels a pole, or two poles coincide, no method can tell the poles: such draws
-are replaced. They are those where the errors that the noise gives a fit that begins at the truth
-(Gauss' law, from derivatives by differences) exceed 5 % of a pole, or the time in which the band's
-top turns by a tenth of a radian.
-
-"above" counts fits whose cost is above that of a descent from the truth itself: the search's own
-misses, whatever the noise does.
+Its response with complex white noise of 1 % is fitted with default options. It counts as found
+when the delay and every pole are within five standard errors of the truth's, and a share of the
+true pole's size for rounding. Draws whose poles no method can tell, by a zero that nearly cancels
+one or two that coincide, are replaced: where the errors by the noise of a fit from the truth
+(Gauss' law) exceed 5 % of a pole, or the time in which the band's top turns by a tenth of a radian.
+"above" counts the search's own misses: fits whose cost is above that of a descent from the truth.
 
     python scripts/proof/delay_study.py                  every case of the list below, three seeds
     python scripts/proof/delay_study.py --case 1/2 --delay 0.28 --seed 7
-    python scripts/proof/delay_study.py --case rollpitch --delay 0.5
     python scripts/proof/delay_study.py --case lynx --delay 0.5 --flipped 0.2
 
 `rollpitch` is Wu and Chen's model, its starts the built-in structure's; aircraft of tests/recovery
@@ -32,24 +26,22 @@ from pathlib import Path
 
 import common
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
 from fleet import FLEET
 
-from helisim.ident import Fit, FrequencyResponse, Structure, identify, structures
+import helisim as hs
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import linear, response
 from helisim.ident.search import Start, descend
 from helisim.study.paper import published
 
 POINTS, NOISE = 100, 0.01
-ERRORS = 5.0
-"""Standard errors within which a value counts as found: they are estimated themselves, from the
-residuals of 20 points, and 60 systems have several hundred of them."""
-SHARE = 0.01
-"""Of a pole's size, and of a radian at the band's top, within which a value counts as found."""
+# A value counts as found within so many standard errors (which are estimated themselves, from the
+# residuals of 20 points, and 60 systems have several hundred of them) and such a share of a pole's
+# size, and of a radian at the band's top.
+ERRORS, SHARE = 5.0, 0.01
 BAND, ROTOR_BAND = (0.1, 10.0), (1.5, 40.0)
 _TRANSFER = ("0/1", "1/2", "0/3", "2/3", "2/4", "3/4", "4/6")
 CASES = (("1/2", 0.28), ("rollpitch", 0.28))
@@ -60,16 +52,16 @@ CASES += tuple((name, 0.5) for name in (*_TRANSFER, "rollpitch", *FLEET))
 class Case:
     """A random system: the structure to fit, its true parameters, its delays, its response."""
 
-    structure: Structure
+    structure: hs.Structure
     truth: dict[str, float]
     delays: tuple[str, ...]
-    data: FrequencyResponse
+    data: hs.FrequencyResponse
 
     @classmethod
     def of(
         cls,
         random: np.random.Generator,
-        structure: Structure,
+        structure: hs.Structure,
         truth: dict[str, float],
         delays: tuple[str, ...],
         band: tuple[float, float],
@@ -81,7 +73,7 @@ class Case:
         exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
         wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
         names = {"inputs": structure.inputs, "outputs": structure.outputs}
-        data = FrequencyResponse.exact(frequency, exact * (1.0 + NOISE * wobble), **names)
+        data = hs.FrequencyResponse.exact(frequency, exact * (1.0 + NOISE * wobble), **names)
         return cls(structure, {one.name: truth[one.name] for one in structure.free}, delays, data)
 
     @property
@@ -89,16 +81,16 @@ class Case:
         points = select(self.data, self.structure, band=None, responses=None, count=20)
         return Cost(self.structure, points)
 
-    def told(self, values: dict[str, float]) -> NDArray[np.complex128]:
+    def told(self, values: dict[str, float]) -> np.ndarray:
         delays = [values[name] for name in self.delays]
         return np.array([*delays, *linear(self.structure, values).poles])
 
-    def sizes(self) -> NDArray[np.float64]:
+    def sizes(self) -> np.ndarray:
         told = np.abs(self.told(self.truth))
         told[: len(self.delays)] = 1.0 / self.data.frequency[-1]
         return told
 
-    def errors(self, values: dict[str, float], covariance: NDArray) -> NDArray[np.float64]:
+    def errors(self, values: dict[str, float], covariance: np.ndarray) -> np.ndarray:
         here, rows = self.told(values), []
         for name in self.truth:
             step = 1e-6 * max(abs(values[name]), 1e-3)
@@ -118,25 +110,25 @@ class Case:
         found = self.errors(self.truth, scaled / np.outer(size, size))
         return bool(np.all(found <= limit * self.sizes()))
 
-    def found(self, fit: Fit) -> bool:
+    def found(self, fit: hs.Fit) -> bool:
         told = self.told(fit.values)
         stated = np.array([fit[name].standard_error for name in self.truth])
         covariance = fit.correlation * np.outer(stated, stated)
         allowed = ERRORS * self.errors(fit.values, covariance) + SHARE * self.sizes()
         return bool(np.all(np.abs(told - matched(self.told(self.truth), told)) <= allowed))
 
-    def above(self, fit: Fit) -> bool:
+    def above(self, fit: hs.Fit) -> bool:
         truth = np.array(list(self.truth.values()))
         near = descend(self.cost, Start(truth, truth[:0]))
         return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
 
 
-def matched(found: NDArray[np.complex128], to: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def matched(found: np.ndarray, to: np.ndarray) -> np.ndarray:
     _, columns = linear_sum_assignment(np.abs(found[None, :] - to[:, None]))
     return found[columns]
 
 
-def roots(random: np.random.Generator, number: int, band: tuple[float, float]) -> NDArray:
+def roots(random: np.random.Generator, number: int, band: tuple[float, float]) -> np.ndarray:
     drawn: list[complex] = []
     while len(drawn) < number:
         size = np.exp(random.uniform(*np.log(band)))
@@ -160,13 +152,13 @@ def transfer_case(name: str, delay: float, seed: int, _flipped: float) -> Case:
     truth = {f"b{k}": float(b) for k, b in enumerate(num[::-1])}
     truth |= {f"a{k}": float(a) for k, a in enumerate(den[::-1][:poles])}
     truth["tau"] = random.uniform(0.0, delay)
-    structure = structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
+    structure = hs.structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
     return Case.of(random, structure, truth, ("tau",), BAND)
 
 
 def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
     random = np.random.default_rng([99, seed])
-    structure, delays = structures.rollpitch, ("tau_lat", "tau_lon")
+    structure, delays = hs.structures.rollpitch, ("tau_lat", "tau_lon")
     paper = published("jr700")["rollpitch_in1"]
     truth = {name: paper[name].value * np.exp(0.3 * random.normal()) for name in structure.names}
     truth |= {name: random.uniform(0.0, delay) for name in delays}
@@ -196,7 +188,7 @@ def study(name: str, delay: float, seed: int, number: int, flipped: float = 0.0)
     hits, high, unwarned, used = 0, 0, 0, 0.0
     for case in itertools.islice(told, number):
         begun = time.process_time()
-        fit = identify(case.data, case.structure)
+        fit = hs.identify(case.data, case.structure)
         used += time.process_time() - begun
         missed = not case.found(fit)
         hits += not missed

@@ -21,12 +21,11 @@ import energy
 import helisim as hs
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim.flight import simulate
-from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 
 
 def main() -> None:
-    vehicle, rows = load("jr700", parameters={"drive.governor": "motor"}), []
+    vehicle, rows = hs.load("jr700", parameters={"drive.governor": "motor"}), []
     for name in energy.FLIGHTS:
         found, end = energy.flown(vehicle, name)
         missing = float(np.abs(found.missing[:end]).max())
@@ -38,7 +37,7 @@ def main() -> None:
     common.table("|".join(["J:<30", *(f"{one}:10.1f" for one in heads), "   of heat:<10"]), rows)
     for left in (1.0, 0.2):
         fed = {"drive.governor": "motor", "drive.supply": "battery", "battery.charge": left}
-        vehicle = load("jr700", parameters=fed)
+        vehicle = hs.load("jr700", parameters=fed)
         flown = simulate(vehicle, hs.FlightPlan(**energy.FLIGHTS["heave sweep"]), seed=1)
         volts, amperes, charge, _ = next(flown).battery.T
         taken = vehicle.parameters["battery.capacity"] * (charge[0] - charge[-1])
@@ -53,7 +52,7 @@ def main() -> None:
 
 def droop() -> tuple[float, np.ndarray]:
     """Return the Lynx's rotor speed on a stand, without a load and in a pull of collective."""
-    vehicle = load("lynx", parameters={"drive.governor": "motor"})
+    vehicle = hs.load("lynx", parameters={"drive.governor": "motor"})
     data, own, model = vehicle.hovering(), addresses(vehicle.model), vehicle.model
     model.opt.gravity[:], model.body_mass[:] = 0.0, 1e6 * model.body_mass
     model.body_inertia[:], par = 1e6 * model.body_inertia, model.actuator_user[own.rotor]

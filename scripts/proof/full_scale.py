@@ -14,6 +14,7 @@ much, neither is more than that. Sources: lynx.toml here and models/lynx/README.
     python scripts/proof/full_scale.py
 """
 
+from collections import namedtuple
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -21,15 +22,14 @@ from typing import Any, NamedTuple
 
 import common
 import numpy as np
-from printed import CLOSE, KNOT, PUSH, small, weighed, within
+from common import CLOSE, KNOT, PUSH, small, weighed, within
 
+import helisim as hs
 from helisim.base.files import read_toml
-from helisim.vehicle import Vehicle, load
 
 STATES = ("u", "w", "q", "theta", "v", "p", "phi", "r")
 INPUTS = ("theta_0", "theta_1s", "theta_1c", "theta_0T")
-RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
-"""The state whose rate a force or moment's derivative is of."""
+RATE_OF = dict(zip("XYZLMN", "uvwpqr"))  # a force or moment -> the state whose rate it is of
 LYNX = read_toml(Path(__file__).with_name("lynx.toml"))
 """Prints by airspeed, kn; products of inertia are in the thesis's L and N."""
 BOOK = {
@@ -43,23 +43,13 @@ _AS_THESIS = (("main_rotor.hub_x", 0.0198),)  # what it reads otherwise from Pad
 
 Changes = tuple[tuple[str, float | str], ...]
 
-DERIVATIVES = (
-    *("X_u", "X_w", "X_q", "Z_u", "Z_w", "M_u", "M_w", "M_q", "M_v", "M_p"),
-    *("Y_v", "Y_p", "L_u", "L_v", "L_w", "L_p", "L_q", "N_v", "N_p", "N_r"),
-    *("X_theta_0", "X_theta_1s", "Z_theta_0", "Z_theta_1s", "M_theta_0", "M_theta_1s"),
-    *("M_theta_1c", "Y_theta_1c", "L_theta_0", "L_theta_1s", "L_theta_1c", "N_theta_0"),
-    *("Y_theta_0T", "L_theta_0T", "N_theta_0T"),
-)
-"""What is compared; the rest follows from these by kinematics, or is small."""
+_WORDS = read_toml(Path(__file__).with_suffix(".toml"))
+DERIVATIVES, EXPLANATIONS = _WORDS["derivatives"], _WORDS["explanation"]
 ANGLES = ("theta_0", "theta_1s", "theta_1c", "theta_0T", "theta", "phi")
 
 
-class Flight(NamedTuple):
-    """Trim angles and derivatives by name, and the power of both rotors, W."""
-
-    knots: int
-    values: Mapping[str, float]
-    power: float
+Flight = namedtuple("Flight", "knots values power")
+"""Trim angles and derivatives by name, and the power of both rotors, W."""
 
 
 class Row(NamedTuple):
@@ -82,14 +72,14 @@ class Row(NamedTuple):
 @cache
 def flights(source: str, changes: Changes = ()) -> tuple[Flight, ...]:
     changes = (*_AS_THESIS, *changes) if source == THESIS else changes
-    vehicle, found = load("lynx", parameters=dict(changes)), []
+    vehicle, found = hs.load("lynx", parameters=dict(changes)), []
     for knots in THESIS_KNOTS:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
         found.append(Flight(knots, {**angles(vehicle), **derivatives(vehicle)}, vehicle.power))
     return tuple(found)
 
 
-def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
+def travel(vehicle: hs.Vehicle) -> dict[str, tuple[str, float]]:
     own = vehicle.parameters
     cyclic, hand = own["geometry.cyclic_range"], own["main_rotor.direction"]
     return {
@@ -100,7 +90,7 @@ def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
     }
 
 
-def angles(vehicle: Vehicle) -> dict[str, float]:
+def angles(vehicle: hs.Vehicle) -> dict[str, float]:
     own, trim = vehicle.parameters, vehicle.trim
     blades = {
         name: unit * getattr(trim, control) for name, (control, unit) in travel(vehicle).items()
@@ -110,7 +100,7 @@ def angles(vehicle: Vehicle) -> dict[str, float]:
     return {**blades, "theta": trim.theta, "phi": trim.phi}
 
 
-def derivatives(vehicle: Vehicle) -> dict[str, float]:
+def derivatives(vehicle: hs.Vehicle) -> dict[str, float]:
     linear, by_control = vehicle.linearize("IN1").rigid_body(), travel(vehicle)
     found = {}
     for name in DERIVATIVES:
@@ -180,10 +170,6 @@ def unexplained() -> list[Row]:
     return [row for row in every if verdict(row) == "?"]
 
 
-_WORDS = read_toml(Path(__file__).with_suffix(".toml"))
-EXPLANATIONS = _WORDS["explanation"]
-
-
 def table(source: str) -> None:
     mine = rows(source)
     speeds = dict.fromkeys(knots for _, knots in mine)
@@ -193,12 +179,9 @@ def table(source: str) -> None:
         scale, unit = (float(np.degrees(1.0)), ", deg") if name in ANGLES else (1.0, "")
         for head, of in (f"{name + unit:<12}    ", "printed"), (f"{'':<9}model: ", "found"):
             print(head + "".join(f"{scale * getattr(row, of):>9.4g} " for row in own))
-        print(f"{'':<10}off, %" + "".join(f"{_percent(row):>9}{verdict(row):1}" for row in own))
+        off = [f"{100.0 * row.off:.0f}" if abs(row.off) < 9.995 else "-" for row in own]
+        print(f"{'':<10}off, %" + "".join(f"{o:>9}{verdict(row):1}" for o, row in zip(off, own)))
     print()
-
-
-def _percent(row: Row) -> str:
-    return f"{100.0 * row.off:.0f}" if abs(row.off) < 9.995 else "-"
 
 
 def main() -> None:

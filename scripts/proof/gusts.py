@@ -20,12 +20,10 @@ from pathlib import Path
 import common
 import numpy as np
 
+import helisim as hs
 from helisim.base.linear import zero_order_hold
-from helisim.ident import Fit, Structure
 from helisim.ident.evaluate import linear
 from helisim.ident.frf import resolved_band
-from helisim.logs import screen
-from helisim.records.record import FlightRecord
 
 FINE = 2e-3  # s, of the simulation's step
 ERRORS, SHARE = 3.0, 0.05  # stated errors, and share of the value, from which a parameter is wrong
@@ -36,7 +34,7 @@ LEAST = 0.93
 class Truth:
     """A structure with values, under a feedback law, in gusts: gusts.toml says what each is."""
 
-    structure: Structure
+    structure: hs.Structure
     values: Mapping[str, float]
     law: Mapping[str, Mapping[str, float]]
     gust: tuple[float, float, Mapping[str, float]]
@@ -63,7 +61,7 @@ def sweeps(truth: Truth, dice: np.random.Generator, count: int) -> np.ndarray:
     return truth.size * fade * (swept * dice.uniform(0.8, 1.2, count) + 0.05 * hand)
 
 
-def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[FlightRecord]]:
+def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[hs.FlightRecord]]:
     """Return `runs` times `count` sweeps of each input, from samples as a log has them."""
     structure, dice = truth.structure, np.random.default_rng(seed)
     model = linear(structure, structure.starts | dict(truth.values))
@@ -105,7 +103,7 @@ def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[FlightRecord]]:
         for name in structure.outputs:
             seen[name] += dice.normal(0.0, truth.noise[name], count)
         log = common.record(time, seen)
-        logs.append(screen(log, resample_hz=truth.rate).records[0] if truth.jitter else log)
+        logs.append(hs.screen(log, resample_hz=truth.rate).records[0] if truth.jitter else log)
     return [logs[k : k + truth.count * n_in] for k in range(0, each, truth.count * n_in)]
 
 
@@ -119,13 +117,13 @@ def calm(truth: Truth) -> Truth:
     return replace(truth, gust=(0.0, *truth.gust[1:]))
 
 
-def estimated(truth: Truth, records: Sequence[FlightRecord], reference: bool) -> Fit:
+def estimated(truth: Truth, records: Sequence[hs.FlightRecord], reference: bool) -> hs.Fit:
     """Return the fit to the records, by their default band."""
     sticks = tuple(map(str.upper, truth.structure.inputs)) if reference else None
     return common.identified(records, truth.structure, resolved_band(records), sticks)[1]
 
 
-def errors(truth: Truth, fits: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def errors(truth: Truth, fits: Sequence[hs.Fit]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return true values, (n_parameter,), and of fits how far off they are, and say they are."""
     names = [one.name for one in truth.structure.free]
     value = np.array([truth.values[name] for name in names])

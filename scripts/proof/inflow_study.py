@@ -19,7 +19,6 @@ import numpy as np
 import helisim as hs
 from helisim import ident
 from helisim.base.linear import LinearSystem
-from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN1
 from helisim.study.truth import exact_response
 from helisim.vehicle.swashplate import TipPathPlane
@@ -37,7 +36,7 @@ HOVER_BAND = (1.0, 40.0)
 QUASI_STEADY, PITT_PETERS, EXACT = "without inflow states", "with", "with, exact response"
 
 
-def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
+def truth(vehicle: hs.Vehicle, recorder: hs.Recorder) -> dict[str, float]:
     """Return the true parameters of the structures with inflow: closed forms and derivatives.
 
     Lags are those of the linearisation, minus one over what an inflow state does to itself; that of
@@ -123,7 +122,7 @@ def worst(true: Mapping[str, float], fit: ident.Fit) -> str:
 
 def main(flights: int = 4) -> None:
     moving = hs.load(VEHICLE, parameters={"main_rotor.inflow": "pitt-peters"})
-    recorder = Recorder.of(moving)
+    recorder = hs.Recorder.of(moving)
     flown = {axis: hs.fly(moving, sweep, count=flights, seed=1) for axis, sweep in SWEEPS.items()}
     true = truth(moving, recorder)
     known = hs.structures.rollpitch_inflow.with_fixed({"turn": true["turn"]})

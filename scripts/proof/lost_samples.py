@@ -1,10 +1,10 @@
 """Lost samples beside whole records: values inside their bounds, figures inside their intervals.
 
 Flights of the six truths of `scripts/proof/verdicts.py` lose samples in all channels at once, in
-bursts of 20 to 250 ms or one by one; they are read and identified beside the truth. With logs
-of ArduPilot's mode SystemID, messages are cut out of these: in bursts of 20 to 250 ms, one by one,
-and as a full buffer loses them, four of five in bursts of 5 to 80 ms. What `helisim identify` and
-`helisim margins` tell of the rest stands beside what they tell of the whole log.
+bursts of 20 to 250 ms or one by one; they are read and identified beside the truth. Logs of
+ArduPilot's mode SystemID lose messages in these ways and as a full buffer loses them, four of five
+in bursts of 5 to 80 ms: what `helisim identify` and `helisim margins` tell of the rest stands
+beside what they tell of the whole log.
 
     python scripts/proof/lost_samples.py [--seeds 2] [--only yaw,bursts] [LOG ...]
 
@@ -20,13 +20,10 @@ import common
 import numpy as np
 import verdicts
 
+import helisim as hs
 from helisim.handling.measured.interval import Interval
-from helisim.ident import Fit, identify, structures
-from helisim.logs import screen
-from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_loops
 from helisim.look.systemid import estimate_fits, infer
-from helisim.records.record import FlightRecord
 
 CASES = (("bursts", 0.16), ("single", 0.08), ("single", 0.28), ("buffer", 0.18), ("buffer", 0.28))
 KEPT = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "MODE", "SIDS", "VER", "DSF"}
@@ -48,17 +45,19 @@ def lost(time: np.ndarray, kind: str, share: float, dice: np.random.Generator) -
     return away[(1e3 * (time - first)).astype(int)] & (dice.random(time.size) < spilt)
 
 
-def without(one: FlightRecord, kind: str, share: float, dice: np.random.Generator) -> FlightRecord:
+def without(
+    one: hs.FlightRecord, kind: str, share: float, dice: np.random.Generator
+) -> hs.FlightRecord:
     """Return a record as it is read after samples were lost."""
     keep = ~lost(one.time, kind, share, dice)
     keep[[0, -1]] = True
-    left = FlightRecord(one.time[keep], one.values[keep], one.channels)
-    return screen(left, resample_hz=1.0 / one.sample_time, max_gap=MAX_GAP).record
+    left = hs.FlightRecord(one.time[keep], one.values[keep], one.channels)
+    return hs.screen(left, resample_hz=1.0 / one.sample_time, max_gap=MAX_GAP).record
 
 
 def cut(source: Path, target: Path, kind: str, share: float, seed: int) -> None:
     """Write a DataFlash log without some of its messages; those that are written once stay."""
-    log, dice = DataFlash(source), np.random.default_rng(seed)
+    log, dice = hs.DataFlash(source), np.random.default_rng(seed)
     found = [
         (places, np.full(places.size, layout.length), log.time(name, places))
         for name, (layout, places) in log._types.items()
@@ -74,12 +73,12 @@ def cut(source: Path, target: Path, kind: str, share: float, seed: int) -> None:
     data[np.cumsum(away[:-1], dtype=np.int8) == 0].tofile(target)
 
 
-def fits(log: Path) -> dict[str, Fit]:
+def fits(log: Path) -> dict[str, hs.Fit]:
     """Return what a log identifies, by structure."""
     found = infer(log)
     records = [record for one in found.read() for record in one.records]
     return {
-        fit.structure: identify(frf, structures.named(fit.structure), band=fit.band)
+        fit.structure: hs.identify(frf, hs.structures.named(fit.structure), band=fit.band)
         for fit, frf in zip(found.fits, estimate_fits(records, found.fits))
         if not fit.structure.startswith("tf:")  # of other parameters than a vehicle's
     }
@@ -90,7 +89,7 @@ def figures(log: Path) -> dict[tuple[str, str], Interval]:
     return {(one.axis, one.name): one.interval for one in found}
 
 
-def of_log(source: Path, target: Path, whole: dict[str, Fit], loops: dict) -> tuple[str, bool]:
+def of_log(source: Path, target: Path, whole: dict[str, hs.Fit], loops: dict) -> tuple[str, bool]:
     """Return what a log tells beside the whole one's fits and figures, and whether all is held."""
     worst, within, words = 0.0, [], []
     for name, fit in fits(target).items():

@@ -19,7 +19,6 @@ import helisim as hs
 from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import SWEEPS, TRIM_TIME, sweep
 from helisim.handling.measured.interval import figures_of
-from helisim.vehicle import Vehicle
 
 WANTED = 0.94
 _BATCH = 10
@@ -43,7 +42,7 @@ class Covered(NamedTuple):
         return float(np.mean((self.low <= self.exact) & (self.exact <= self.high)))
 
 
-def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.MeasuredMargins]:
+def measured(vehicle: hs.Vehicle, replicates: int, period: float) -> Iterator[hs.MeasuredMargins]:
     flown = hands_off(vehicle)
     loop = exact_loop(flown)
     times = {"period": period, "duration": period + 2.0 * TRIM_TIME}
@@ -63,7 +62,7 @@ def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.Me
             yield found
 
 
-def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, Covered]:
+def study(vehicle: hs.Vehicle, replicates: int, period: float = 60.0) -> dict[Key, Covered]:
     exact = exact_loop(hands_off(vehicle), _FINE)
     found: dict[Key, list[tuple[float, float, float]]] = {}
     for one in measured(vehicle, replicates, period):

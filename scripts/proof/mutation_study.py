@@ -4,13 +4,12 @@
     python scripts/proof/mutation_study.py physics --count 120 --seed 1
     python scripts/proof/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
-cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
-with one of the mutants possible there that is still Python; annotations, decorators and
-`TYPE_CHECKING` are left out. The tests run once under coverage, so that a mutant meets only tests
-that execute its line, the restated laws and then the fastest first, until one fails. Its CPU time
-is limited, and how long it may wait: what never ends counts as killed. The physics runs interpreted
-(tests/interpreted.py), so that kernel.py, which compiles it, is left out. Everything happens in a
-copy of the checkout.
+cosmic-ray's operators make the mutants: of a seeded sample of places in the sources, one that is
+still Python; annotations, decorators and `TYPE_CHECKING` are left out. The tests run once under
+coverage, so that a mutant meets only tests that execute its line, the restated laws and then the
+fastest first, until one fails. What never ends, in CPU time or in waiting, counts as killed. The
+physics runs interpreted (tests/interpreted.py), so that kernel.py, which compiles it, is left out.
+Everything happens in a copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %. The exit status is 1 if fewer than 85 % are killed.

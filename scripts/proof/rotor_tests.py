@@ -3,22 +3,10 @@
 The main rotor's laws alone, with each rotor's own numbers: with the blades' polar, stall and
 compressibility, and as they were without (one drag coefficient at any lift, Mach number and speed).
 
-- Knight and Hefner, NACA TN 626: hover, NACA 0015, tip Reynolds number 242,000, nearly the JR700's;
-  polar c_d = 0.0113 + 1.25 alpha^2 at a lift slope of 5.75, theirs.
-- Castles and Gray, NACA TN 2474: hover and vertical descent, the same section, torque above that at
-  no thrust; runs scatter by 12 %. Autorotation is where that torque is none.
-- Harrington, NACA TN 2318: full-scale hover, read off figures to 3 to 6 %; c_d0 from the torque at
-  no thrust, the rise as of Bailey's polar (NACA Rep. 716), 0.4 alpha^2.
-- Wheatley and Hood, NACA Rep. 515: PCA-2 autogiro in autorotation, table IV; its blades' mean drag
-  coefficient is 0.012 (Wheatley, NACA Rep. 487), here as c_d0 and rise. The hub's drag is in it.
-- Prouty, Helicopter Performance, Stability and Control: table 3.3 at 115.5 kn and figure 1.45,
-  NACA 0012; a calculation.
-- The wake: dynamic pressure below a hovering rotor over the disc's load (Boatwright, his figure
-  4.6), wash at the tail of his helicopter (Heyson and Katzoff's survey, 8.11), and what his tables
-  8.5 and 8.11 have of its surfaces at 115 kn. Before, the load was uniform, the hover's wake had
-  momentum theory's edge, 0.71 radii, and surfaces the free stream's pressure.
-
-The measured numbers are in rotor_tests.toml.
+The measured numbers and their sources are in rotor_tests.toml. Of the wake: dynamic pressure below
+a hovering rotor over the disc's load, wash at the tail, and what fin and tailplane have at 115 kn;
+before, the load was uniform, the hover's wake had momentum theory's edge, 0.71 radii, and surfaces
+the free stream's pressure.
 
     python scripts/proof/rotor_tests.py
 """

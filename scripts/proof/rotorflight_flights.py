@@ -107,9 +107,7 @@ def columns(vehicle, law, flight, loops, *, every=1):
         "rcCommand": [*(500.0 * sticks), 500.0 * pitch, np.full(len(own), 700.0)],
         "setpoint": [*wanted[:, :3].T, 1e3 * pitch],
         "mixer": 1e3 * mixer.T,
-        **{
-            f"axis{name}": 1e3 * terms[:, :, k].T for k, name in enumerate("PIDFBO") if name in kept
-        },
+        **{f"axis{one}": 1e3 * terms[:, :, "PIDFBO".index(one)].T for one in kept},
         "attitude": 10.0 * turned,
         "gyroRAW": rates,
         "gyroADC": gyro.T,
@@ -141,10 +139,7 @@ def header(law, period, *, every=1):
         "error_decay": (law.roll.error_decay_time, law.roll.error_decay_limit),
         "iterm_relax_type": 2 if yaw.relax_level else 0,
         "iterm_relax_cutoff": [one.relax_cutoff for one in axes],
-        "cyclic_coupling": (
-            *(law.cyclic_cross_coupling_gain, 0.0),
-            law.cyclic_cross_coupling_cutoff,
-        ),
+        "cyclic_coupling": (law.cyclic_cross_coupling_gain, 0, law.cyclic_cross_coupling_cutoff),
         "yaw_stop_gain": (yaw.cw_stop_gain, yaw.ccw_stop_gain),
         "yaw_precomp": (yaw.precomp_cutoff, yaw.cyclic_ff_gain, yaw.collective_ff_gain),
         "yaw_inertia_precomp": (0, 25),
@@ -160,16 +155,13 @@ def header(law, period, *, every=1):
     for name, one in zip(("roll", "pitch", "yaw"), axes):
         lines[f"{name}PID"] = one.p, one.i, one.d, one.f, one.b
         lines[f"{name}BW"] = one.gyro_cutoff, one.d_cutoff, one.b_cutoff
-    return {name: _text(value) for name, value in lines.items()}
+    return {
+        name: value if isinstance(value, str) else ",".join(f"{round(x)}" for x in np.ravel(value))
+        for name, value in lines.items()
+    }
 
 
 def _lower(notch):
     """Return where a notch's band begins, Hz: Q = f0 f1 / (f0^2 - f1^2)."""
     half = 0.5 / notch.q
     return notch.frequency * (math.sqrt(1.0 + half**2) - half)
-
-
-def _text(value):
-    if isinstance(value, str):
-        return value
-    return ",".join(f"{round(one)}" for one in np.atleast_1d(value).tolist())

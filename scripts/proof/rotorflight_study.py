@@ -20,7 +20,6 @@ import numpy as np
 import rotorflight_flights as flights
 
 import helisim as hs
-from helisim.base.linear import LinearSystem
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.predicted import PredictedLoop
 from helisim.study.rotorflight_tune import Feedback, tune_blackbox
@@ -31,18 +30,9 @@ import blackbox_logs  # pyright: ignore[reportMissingImports]  # of tests, on th
 
 SEEN = ("p", "q", "r", "phi", "theta", "psi")
 FIGURES = ("crossover", "phase_margin", "gain_margin", "DRB", "DRP")
-LOWEST = (
-    2.0  # rad/s, from which flights tell models: below it the pilot holds the hover's slow mode
-)
+LOWEST = 2.0  # rad/s, from which flights tell models: below, the pilot holds the hover's slow mode
 WITHIN = {"gain_margin": 1.0, "phase_margin": 5.0}  # dB, degrees
 WORDS = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
-
-
-def exact_of(vehicle: hs.Vehicle, period: float) -> LinearSystem:
-    """Return the exact linearisation as the law has it, its commands held for a tick, s."""
-    linear = vehicle.linearize("IN1").select(tuple(WORDS), SEEN)
-    held = {name: linear.delays.get(name, 0.0) + 0.5 * period for name in WORDS}
-    return replace(linear, delays=held)
 
 
 def main(
@@ -50,7 +40,9 @@ def main(
 ) -> int:
     flown, told, held, off, new = hs.load(vehicle), Counter(), {}, {}, []
     law, period = flights.law_for(flown), flown.parameters["gyro.period"]
-    exact = exact_of(flown, period)
+    linear = flown.linearize("IN1").select(tuple(WORDS), SEEN)
+    held_for = {one: linear.delays.get(one, 0.0) + 0.5 * period for one in WORDS}  # half a tick
+    exact = replace(linear, delays=held_for)
 
     def figures(own: hs.Rotorflight) -> PredictedLoop:
         feedback, band = Feedback(own, period, {}), np.geomspace(LOWEST, np.pi / period, 500)

@@ -2,12 +2,11 @@
 
 An unmodified ArduCopter-heli flies the vehicle with parameters to begin with (the vehicle's own, or
 `--start`), sweeps roll, pitch and yaw to 24 Hz, and its log gives new gains; with those it sweeps
-again, and both hover in gusts of 5 m/s, moderate turbulence, seed by seed. With `--opponent`, gains
-of somebody else in a file (such as AutoTune's), both are also flown with those, and they are what
-the new ones are held against. Bars: margins within 0.5 dB and 3 degrees of those predicted, DRB
-within 5 %; DRB and that of attitude alone at least 1.25 times the opponent's; the error of attitude
-in gusts a quarter less in roll and pitch. An opponent whose margins are too small is marked "too
-hot before": the new gains only have to reach its DRB. Exit status 1 if a bar is missed.
+again, and both hover in gusts of 5 m/s, moderate turbulence, seed by seed. Gains of somebody else
+(`--opponent`, a file, such as AutoTune's) are flown likewise, and the new ones held against them.
+Bars: margins within 0.5 dB and 3 degrees of those predicted, DRB within 5 %; DRB and that of
+attitude alone at least 1.25 times the opponent's, or its own where its margins are too small ("too
+hot before"); attitude's error in gusts a quarter less in roll and pitch. Exit status 1: one missed.
 
 `--vehicle heli` and `heli-blade360` are ArduPilot's own simulated helicopters: parameters are added
 to its copter-heli.parm, and the seed turns the wind, 5 m/s with SIM_WIND_TURB 2, by 72 degrees.
@@ -24,14 +23,13 @@ import ardupilots_helicopter as own
 import common
 import numpy as np
 
+import helisim as hs
 from helisim.cli import main as command
 from helisim.handling.predicted import ATTITUDE_DRB
-from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_loops
 from helisim.sitl.gains import STANDARD
 from helisim.sitl.pilot import Pilot, Steps
 from helisim.study.log_tune import AxisTuning, LogTuning, tune_log
-from helisim.vehicle.parameters import model_folder
 
 AXES = {"lat": "Roll", "lon": "Pitch", "ped": "Yaw"}
 BARS = {"gain_margin": 0.5, "phase_margin": 3.0, "DRP": 0.5}  # dB, degrees, dB
@@ -55,13 +53,12 @@ def flown(folder: Path, name: str, vehicle: str, parameters: str, seed: int = 0)
     parm.write_text(parameters, encoding="utf-8")
     print(f"{name} is flown", flush=True)
     if vehicle in own.SWEPT:
-        wind = f"\nSIM_WIND_SPD 5\nSIM_WIND_TURB 2\nSIM_WIND_DIR {72 * seed}"
-        script = (
-            fly
-            if seed
-            else lambda pilot: own.swept(pilot, own.SWEPT[vehicle][0], 24.0, own.AXES[:3])
-        )
-        own.fly(log, vehicle, script, parameters + (wind if seed else ""))
+        if seed:
+            wind = f"\nSIM_WIND_SPD 5\nSIM_WIND_TURB 2\nSIM_WIND_DIR {72 * seed}"
+            own.fly(log, vehicle, fly, parameters + wind)
+        else:
+            band = own.SWEPT[vehicle][0], 24.0
+            own.fly(log, vehicle, lambda one: own.swept(one, *band, own.AXES[:3]), parameters)
         return log
     gusts = "--script", __file__, "--wind", "5", "--turbulence", "moderate", "--seed", str(seed)
     words = ["sitl", "--vehicle", vehicle, "--parm", str(parm), "--log", str(log), "--quiet"]
@@ -80,7 +77,7 @@ def too_hot(axis: AxisTuning) -> bool:
 
 def error_in_gusts(log: Path) -> dict[str, float]:
     """Return the rms of attitude less its target, deg, of a hover, by axis."""
-    data = DataFlash(log)
+    data = hs.DataFlash(log)
     angles, places = data.table("ANG"), data.table("POS")
     high = np.asarray(places["RelHomeAlt"], float) > 9.0
     begins = places.time[np.argmax(high)] + _SETTLES
@@ -118,7 +115,7 @@ def main(
 ) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     if not start and vehicle not in own.SWEPT:
-        start = str(model_folder(vehicle) / f"{vehicle}.parm")
+        start = str(hs.model_folder(vehicle) / f"{vehicle}.parm")
     before = Path(start).read_text(encoding="utf-8") if start else ""
     found = tune_log(flown(folder, "before", vehicle, before))
     new = f"{before}\n{found.parameters.text}"

@@ -19,12 +19,11 @@ from typing import NamedTuple
 import common
 import numpy as np
 
+import helisim as hs
 from helisim.base.errors import HelisimError
 from helisim.base.linear import zero_order_hold
-from helisim.ident import Structure, identify
 from helisim.ident.evaluate import linear
 from helisim.ident.structure import with_blocks
-from helisim.records.record import FlightRecord
 
 FINE, EVERY = 1e-3, 10  # s of the simulation's step; samples of it between those recorded
 ERRORS, SHARE = 3.0, 0.01  # stated errors, and share of the value, from which a parameter is wrong
@@ -36,7 +35,7 @@ Columns = dict[str, np.ndarray]
 class Truth:
     """A structure with values and what verdicts.toml says of it; sweeps of `length` s."""
 
-    structure: Structure
+    structure: hs.Structure
     values: Mapping[str, float]
     main: tuple[str, ...]
     noise: float
@@ -101,7 +100,7 @@ def _late(values: np.ndarray, delay: float) -> np.ndarray:
     return np.interp(time - delay, time, values)
 
 
-def record(columns: Columns, step: float = FINE * EVERY) -> FlightRecord:
+def record(columns: Columns, step: float = FINE * EVERY) -> hs.FlightRecord:
     return common.record(np.arange(len(next(iter(columns.values())))) * step, columns)
 
 
@@ -110,14 +109,14 @@ def each(truth: Truth) -> list[tuple[str, int]]:
     return [(axis, k) for axis in truth.structure.inputs for k in (0, 1)]
 
 
-def flights(truth: Truth, seed: int, **how) -> list[FlightRecord]:
+def flights(truth: Truth, seed: int, **how) -> list[hs.FlightRecord]:
     return [record(fly(truth, axis, 10 * seed + k, **how)) for axis, k in each(truth)]
 
 
 def changed(change: Callable[..., Columns], without: tuple[str, ...] = (), step=0.01):
     """Return a damage that changes recorded columns, by seed and number of the flight."""
 
-    def damage(truth: Truth, seed: int) -> list[FlightRecord]:
+    def damage(truth: Truth, seed: int) -> list[hs.FlightRecord]:
         flown = (fly(truth, axis, 10 * seed + k) for axis, k in each(truth))
         found = (change(one, seed, n) for n, one in enumerate(flown))
         return [record({n: v for n, v in c.items() if n not in without}, step) for c in found]
@@ -140,7 +139,7 @@ def exchanged(one: str, other: str):
     return changed(lambda c, *_: {swap.get(n, n): v for n, v in c.items()})
 
 
-def two_trims(truth: Truth, seed: int) -> list[FlightRecord]:
+def two_trims(truth: Truth, seed: int) -> list[hs.FlightRecord]:
     trims = truth.values, dict(truth.values) | {"L_b": 110.0}
     return [record(fly(truth, axis, 10 * seed + k, values=trims[k])) for axis, k in each(truth)]
 
@@ -156,14 +155,6 @@ def walked(u: np.ndarray, move: Callable[[float, float], float]) -> np.ndarray:
 def lag(u: np.ndarray, tau: float = 0.03) -> np.ndarray:
     share = 1.0 - np.exp(-FINE / tau)
     return walked(u, lambda at, x: at + share * (x - at))
-
-
-def hysteresis(u: np.ndarray) -> np.ndarray:
-    return walked(u, lambda at, x: min(max(at, x - 0.02), x + 0.02))
-
-
-def rate_limit(u: np.ndarray) -> np.ndarray:
-    return walked(u, lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE))
 
 
 def dropped(c: Columns, seed: int, n: int) -> Columns:
@@ -191,12 +182,16 @@ def gusts(c: Columns, seed: int, n: int) -> Columns:
     return found
 
 
+def walks(move: Callable[[float, float], float]):
+    return within(lambda u: walked(u, move))
+
+
 RATES, ANGLES = ("p", "q"), ("phi", "theta")
 DAMAGES = {
     "saturates at half": within(lambda u: np.clip(u, -0.05, 0.05)),
     "softens with size": within(lambda u: 0.1 * np.tanh(u / 0.1) * 0.9),
-    "hysteresis": within(hysteresis),
-    "rate limit": within(rate_limit),
+    "hysteresis": walks(lambda at, x: min(max(at, x - 0.02), x + 0.02)),
+    "rate limit": walks(lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE)),
     "p and q swapped": exchanged("p", "q"),
     "lat and lon swapped": exchanged("lat", "lon"),
     "servo lag missing": lambda t, s: flights(t, s, actuator=lag, noise=0.052),
@@ -240,7 +235,7 @@ class Judged(NamedTuple):
 
 
 def judged(
-    truth: Truth, records: list[FlightRecord], missing: Mapping[str, str] | None = None
+    truth: Truth, records: list[hs.FlightRecord], missing: Mapping[str, str] | None = None
 ) -> Judged:
     """Identify the records, and return the verdict beside the truth."""
     try:
@@ -258,7 +253,7 @@ def judged(
     )
     if missing and found.misled:
         with common.quiet():
-            lag = identify(frf, with_blocks(truth.structure, missing))["missing_tau"]
+            lag = hs.identify(frf, with_blocks(truth.structure, missing))["missing_tau"]
         found = found._replace(shown=abs(lag.value) / lag.standard_error)
     return found
 

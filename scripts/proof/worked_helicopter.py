@@ -10,22 +10,22 @@ those of his derivatives. The book is a calculation, and contradicts itself in p
 import copy
 import re
 import shutil
+from collections import namedtuple
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import common
 import mujoco
 import numpy as np
-from printed import CLOSE, KNOT, PUSH, small, weighed, within
+from common import CLOSE, KNOT, PUSH, small, weighed, within
 
+import helisim as hs
 from helisim.base.files import read_toml
 from helisim.physics.layout import PARAM
-from helisim.physics.native import installed
-from helisim.vehicle import Linearization, Vehicle, load
+from helisim.vehicle import Vehicle, load
 from helisim.vehicle.calibrate import flapping_of
-from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import addresses, place
 
 TABLE = read_toml(Path(__file__).with_suffix(".toml"))
@@ -44,12 +44,8 @@ AXES = dict(zip("XYZLMN", "uvwpqr"))
 FEET = PUSH | dict.fromkeys("uvw", 1.0 / FOOT)
 
 
-class Flight(NamedTuple):
-    """Figures by name in his units, and the linear model; scales: of its slopes to his."""
-
-    figures: dict[str, float]
-    linear: Linearization
-    scales: dict[str, float]
+Flight = namedtuple("Flight", "figures linear scales")
+"""Figures by name in his units, and the linear model; scales: of its slopes to his."""
 
 
 @cache
@@ -57,7 +53,7 @@ def flights(changes: tuple[tuple[str, float], ...] = ()) -> dict[str, Flight]:
     own = {"airframe.mass": MASS, **OWN, **dict(changes)}
     own |= flapping_of(own).to_parameters()
     with TemporaryDirectory() as at:
-        folder = shutil.copytree(model_folder("lynx"), Path(at) / "example")
+        folder = shutil.copytree(hs.model_folder("lynx"), Path(at) / "example")
         path = folder / "lynx.xml"  # of which one body is left, with all the mass
         text = re.sub(r' mass="[1-9]\d*"| *<inertial pos="0 0 0".*', "", path.read_text())
         body = f'<inertial pos="0 0 0" mass="{MASS}" full'
@@ -79,7 +75,7 @@ def pushed(vehicle: Vehicle, **changes: float) -> tuple[Any, Any]:
         model.actuator_user[addresses(model).rotor, getattr(PARAM, name)] = value
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim)
-    with installed():
+    with hs.installed():
         mujoco.mj_forward(model, data)
     return MASS / POUND * data.qacc[:3], data
 

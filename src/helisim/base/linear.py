@@ -1,7 +1,7 @@
 """Linear systems with named signals: matrices, delays, responses, poles, feedback and sampling."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
@@ -415,6 +415,29 @@ def zero_order_hold(a: Real, b: Real, period: float) -> tuple[Real, Real]:
     both[:n] = np.hstack([a, b])
     whole = np.asarray(expm(both * period), dtype=np.float64)
     return whole[:n, :n], whole[:n, n:]
+
+
+def delay_fit(
+    response: Response,
+    target: Response | Real,
+    frequency: Real,
+    delays: Iterable[float],
+    columns: Callable[[Response], Sequence[Response]],
+) -> tuple[float, ...]:
+    """Return real gains, and the delay (s) of those given, by least squares.
+
+    `columns` makes the signals, (n_freq,) each, that the gains weigh of the response, (n_freq,) at
+    rad/s, delayed; their sum is to be the target, (n_freq,).
+    """
+    wanted = np.concatenate([np.real(target), np.imag(target)])
+
+    def fitted(delay: float) -> tuple[float, ...]:
+        signals = np.column_stack(columns(response * np.exp(-1j * frequency * delay)))
+        both = np.concatenate([np.real(signals), np.imag(signals)])
+        gains, *_ = np.linalg.lstsq(both, wanted)
+        return float(np.sum((both @ gains - wanted) ** 2)), *gains.tolist(), delay
+
+    return min(map(fitted, delays))[1:]
 
 
 def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Real:

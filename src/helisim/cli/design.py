@@ -102,8 +102,7 @@ def design(o: Options) -> int:
     print_written(o, f"{o.out / LAW}: helisim fly --controller {o.out / LAW}", o.out / RESULT)
     print_written(o, f"{o.out / REPORT}: charts with levels, loops, steps")
     if run.proof is not None:
-        flights = f"{o.out / PROOF}: the flights of the proof"
-        print_written(o, flights, opened(o.out / GUST))
+        print_written(o, f"{o.out / PROOF}: the flights of the proof", opened(o.out / GUST))
     return 0 if run.met else 1
 
 

@@ -312,6 +312,5 @@ def view(o: Options) -> int | None:
             "weather and the options of sticks are for a flight by hand: add --keyboard or "
             "--joystick"
         )
-    excitation = manoeuvre(o)
-    flown = view(loaded(o), excitation, duration=o.duration, ground=ground(o), seed=o.seed)
+    flown = view(loaded(o), manoeuvre(o), duration=o.duration, ground=ground(o), seed=o.seed)
     print(f"Flown: {flown:.1f} s")

@@ -40,8 +40,7 @@ def vehicle_linearize(o: Options) -> None:
     linear = vehicle.linearize(o.inputs)
     print(render_derivatives(linear, vehicle.derivatives))
     made = made_by("linearization", **vehicle.provenance)
-    more = {"derivatives": vehicle.derivatives, "provenance": made}
-    write_data(o, {**linear.to_dict(), **more})
+    write_data(o, {**linear.to_dict(), "derivatives": vehicle.derivatives, "provenance": made})
 
 
 def vehicle_trim(o: Options) -> None:

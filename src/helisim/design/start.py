@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.linear import Linear, Response, responses
+from helisim.base.linear import Linear, Response, delay_fit, responses
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.design.laws.law import Law, Lead
 from helisim.handling.closed_loop import ClosedLoop
@@ -137,16 +137,10 @@ def _rates(
 
 def _inverse(response: Response, period: float) -> tuple[float, float]:
     """Return the inverse c0 + c1 s of a rate over its command, (n_freq,), delayed by some ticks."""
-
-    def fitted(late: float) -> tuple[float, float, float]:
-        without = response * np.exp(1j * _INVERTED * late)
-        columns = np.stack([without, 1j * _INVERTED * without], axis=1)
-        both = np.concatenate([np.real(columns), np.imag(columns)])
-        wanted = np.concatenate([np.ones(response.size), np.zeros(response.size)])
-        found, *_ = np.linalg.lstsq(both, wanted)
-        return float(np.sum((both @ found - wanted) ** 2)), float(found[0]), float(found[1])
-
-    return min(map(fitted, period * np.arange(31)))[1:]
+    early = (-period * np.arange(31)).tolist()
+    one = np.ones(response.size)
+    c0, c1, _ = delay_fit(response, one, _INVERTED, early, lambda h: (h, 1j * _INVERTED * h))
+    return c0, c1
 
 
 def usual_specs(

@@ -209,8 +209,7 @@ class ArduCopterLaw(Checked, Value):
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the response of the gyro's filters, (n_freq,), at frequencies, (n_freq,) rad/s."""
-        turns = 2.0 * np.pi * GYRO_RATE
-        return np.asarray(sosfreqz(self.gyro_sections, frequency, fs=turns)[1])
+        return np.asarray(sosfreqz(self.gyro_sections, frequency, fs=2.0 * np.pi * GYRO_RATE)[1])
 
     @property
     def gyro_sections(self) -> NDArray[np.float64]:
@@ -285,8 +284,7 @@ def _share(corner: float, period: Each) -> Real:
 
 def _rates(axis: str, given: Callable[[str], float]) -> Rates:
     names = ["P", "I", "D", "FF", "D_FF", "FLTT", "FLTE", "FLTD", "IMAX", "ILMI"]
-    values = [given(f"ATC_RAT_{WORDS[axis]}_{name}") for name in names]
-    return Rates(*values, leaks=axis != "ped")
+    return Rates(*(given(f"ATC_RAT_{WORDS[axis]}_{name}") for name in names), leaks=axis != "ped")
 
 
 _BEYOND = {

@@ -149,8 +149,7 @@ def _structural(
     taken = gain @ same
     own = float(np.trace(same) - np.sum(taken * jacobian.T))
     unexplained = float(residual @ residual - np.sum(noise * scale**2))
-    square = max(FLOOR**2, unexplained / own if own > 0.0 else 0.0)
-    return square * taken @ gain.T
+    return max(FLOOR**2, unexplained / own if own > 0.0 else 0.0) * taken @ gain.T
 
 
 def _omitted_lags(

@@ -314,7 +314,6 @@ class Cost:
         turns = np.cumsum(turns)
         turns -= turns[self._firsts][self.points.pair]
         weight = self.points.weight
-        curve = phase / (2.0 * np.pi) + turns
-        total = np.add.reduceat(weight * curve, self._firsts)
+        total = np.add.reduceat(weight * (phase / (2.0 * np.pi) + turns), self._firsts)
         mean = total / np.add.reduceat(weight, self._firsts)
         return phase + 2.0 * np.pi * (turns - np.round(mean)[self.points.pair])

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
-from helisim.base.linear import LinearSystem
+from helisim.base.linear import LinearSystem, zero_order_hold
 from helisim.ident.expression import Dependence, Program, value_at
 from helisim.ident.structure import DELAYS, Structure
 
@@ -100,11 +99,9 @@ class Sample:
             except np.linalg.LinAlgError:
                 self._resolvent = np.full_like(pencil, np.nan)
             self._observed = filled["H0"] + s * filled["H1"]
-            driven = self._resolvent @ filled["G"]
-            self._right = driven[where.position, :, where.input].T
+            self._right = (self._resolvent @ filled["G"])[where.position, :, where.input].T
             plain = np.sum(self._observed[where.position, where.output].T * self._right, axis=0)
-            lags = filled["input_delays"] + filled["output_delays"]
-            self._delay = np.exp(-where.s * lags[at])
+            self._delay = np.exp(-where.s * (filled["input_delays"] + filled["output_delays"])[at])
             self.response = (plain + filled["D"][at]) * self._delay
 
     def slope(self, scale: Complex | float = 1.0) -> Complex:
@@ -141,8 +138,7 @@ def simulate(model: LinearSystem, inputs: Real, step: float, start: Real | None 
     The state begins at `start`, (n_state,); default 0. Delays are left out.
     """
     transition, now, change = _discretise(model, step)
-    rise = np.diff(inputs, axis=0, append=inputs[-1:])
-    driven = inputs @ now.T + rise @ change.T
+    driven = inputs @ now.T + np.diff(inputs, axis=0, append=inputs[-1:]) @ change.T
     states = _propagate(transition, driven, np.zeros(len(model.a)) if start is None else start)
     return states @ model.c.T + inputs @ model.d.T
 
@@ -179,12 +175,9 @@ def delayed(model: LinearSystem, inputs: Real, step: float, lags: Real) -> Real:
 
 def _discretise(model: LinearSystem, step: float) -> tuple[Real, Real, Real]:
     n, n_in = model.b.shape
-    block = np.zeros((n + 2 * n_in, n + 2 * n_in))
-    block[:n, :n] = model.a * step
-    block[:n, n : n + n_in] = model.b * step
-    block[n : n + n_in, n + n_in :] = np.eye(n_in)
-    power = np.asarray(expm(block), dtype=np.float64)
-    return power[:n, :n], power[:n, n : n + n_in], power[:n, n + n_in :]
+    driven = np.block([[model.a * step, model.b * step], [np.zeros((n_in, n + n_in))]])
+    power, rise = zero_order_hold(driven, np.eye(n + n_in, n_in, -n), 1.0)
+    return power[:n, :n], power[:n, n:], rise[:n]
 
 
 def _propagate(transition: Real, driven: Real, start: Real) -> Real:

@@ -195,8 +195,7 @@ def _bands(lines: Lines, drive: Sequence[str], response: Sequence[str], frf) -> 
     count = max(int(math.log(max(high / low, 1.0)) / math.log(_APART)) + 1, 1)
     frequency = np.geomspace(low, max(high, low), count) if count > 1 else np.array([low])
     places = lines.places(drive), lines.places(response)
-    fit = fit_band(lines, *places, frequency, _HALF * frequency, transient=True)
-    return _Bands(frequency, fit)
+    return _Bands(frequency, fit_band(lines, *places, frequency, _HALF * frequency, transient=True))
 
 
 def _nonlinear(
@@ -212,8 +211,7 @@ def _nonlinear(
     Cubes are of the inputs, and of outputs as `model` makes them.
     """
     made, why = _with_cubes(flights, frf, inputs, model)
-    highest = float(frf.frequency[-1])
-    lines = flight_lines(made, made[0].names, highest)
+    lines = flight_lines(made, made[0].names, float(frf.frequency[-1]))
     bands = _bands(lines, inputs, (*frf.outputs, *why), frf)
     n_out, left = len(frf.outputs), bands.fit.residual
     power_of = _power(lines, lines.places((*frf.outputs, *why)), bands.frequency)
@@ -285,8 +283,7 @@ def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
 
 def _in_band(one: FlightRecord, names: Sequence[str], frf: FrequencyResponse) -> Real:
     """Return signals' part in the response's band, (n_time, n_name)."""
-    same = np.eye(len(names))[:, :, None] * np.ones(frf.frequency.size)
-    return _filtered(one, names, frf, same)
+    return _filtered(one, names, frf, np.eye(len(names))[:, :, None] * np.ones(frf.frequency.size))
 
 
 def _filtered(
@@ -351,8 +348,7 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
         size = np.maximum(np.ptp(values, axis=0), 1e-300)
         bend = np.abs(np.diff(values, 2, axis=0)) <= 1e-9 * size
         moves = np.any(np.abs(np.diff(values, axis=0)[1:]) > 1e-9 * size, axis=1)
-        straight = np.all(bend, axis=1) & moves
-        lengths = np.diff(stretches(straight))
+        lengths = np.diff(stretches(np.all(bend, axis=1) & moves))
         lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
         total += len(one)
     if lost > _FILLED * total:

@@ -94,8 +94,7 @@ def frequency_response(
     check_records(flights, wanted, measured, others, references, band=band, use_ended=use_ended)
     signals = tuple(dict.fromkeys((*wanted, *others, *references, *measured)))
     check_known("estimator", [estimator], ESTIMATORS)
-    durations = [len(flight) * flight.sample_time for flight in flights]
-    lengths = window_lengths(durations, band)
+    lengths = window_lengths([len(one) * one.sample_time for one in flights], band)
     count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
     frequency = np.geomspace(band[0], band[1], count)
     make = Local if estimator == "local" else partial(Windows, windows=lengths)
@@ -162,15 +161,13 @@ def _disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> Itera
     assert joint.scatter is not None
     assert direct.scatter is not None
     index = np.arange(0, joint.frequency.size, _COMPARED)
-    shape = (len(joint.outputs), len(joint.inputs), index.size)
-    place = np.indices(shape).reshape(3, -1)
+    place = np.indices((len(joint.outputs), len(joint.inputs), index.size)).reshape(3, -1)
     at = (place[0], place[1], index[place[2]])
     models = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
     own, other, between = (np.diagonal(one.covariance(*at)).real for one in models)
     size, gap = np.abs(joint.response[at]), np.abs(joint.response[at] - direct.response[at])
     least = np.maximum(np.square(_LEAST_GAP * size), np.maximum(own + other, _CHANCE * between))
-    found = (gap**2 > least) & joint.usable(_LEAST_COHERENCE)[at]
-    relative = np.where(found, gap / size, 0.0)
+    relative = np.where((gap**2 > least) & joint.usable(_LEAST_COHERENCE)[at], gap / size, 0.0)
     for pair, apart in zip(joint.pairs, relative.reshape(-1, index.size)):
         count, worst = np.count_nonzero(apart), int(np.argmax(apart))
         if count >= min(_FEWEST_APART, index.size):
@@ -385,8 +382,7 @@ def flight_span(record: FlightRecord) -> tuple[str, float, float] | None:
         flown = {"log": log.get("digest")}
     if not flown:
         return None
-    text = json.dumps(flown, sort_keys=True).encode()
-    flight = hashlib.blake2b(text, digest_size=12).hexdigest()
+    flight = hashlib.blake2b(json.dumps(flown, sort_keys=True).encode(), digest_size=12).hexdigest()
     return flight, float(record.time[0]), float(record.time[-1])
 
 

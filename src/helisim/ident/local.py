@@ -254,8 +254,7 @@ def _responses(task: Task, fit: BandFit) -> tuple[NDArray, NDArray, NDArray, NDA
     back = np.linalg.pinv(into, rcond=1e-10)
     gain = fit.gain[:, :n_out] @ back
     weight = np.einsum("fra,frel->fael", back, fit.weight).astype(np.complex64)
-    one = np.broadcast_to(np.eye(n_out), (n_freq, n_out, n_out))
-    rest = np.concatenate([one, -gain], axis=2)
+    rest = np.concatenate([np.broadcast_to(np.eye(n_out), (n_freq, n_out, n_out)), -gain], axis=2)
     return gain, into, weight, rest @ fit.residual @ rest.conj().swapaxes(1, 2)
 
 
@@ -332,8 +331,7 @@ def transients(task: Task) -> NDArray[np.bool_]:
         return ~all_on
     mean = smoothed(ratio, task.frequency, counted, 0.35)
     known = smoothed(np.ones_like(ratio), task.frequency, counted, 0.35) > 0.5
-    overall = np.sum(ratio * counted) / np.sum(counted)
-    return np.where(known, mean, overall) > _TRANSIENT_RATIO
+    return np.where(known, mean, np.sum(ratio * counted) / np.sum(counted)) > _TRANSIENT_RATIO
 
 
 def choose(
@@ -369,8 +367,7 @@ def choose(
     squared, sure = np.zeros(gain.shape), np.zeros(gain.shape)
     for width in range(n_width):
         # the next narrower valid width, itself if none
-        numbers = np.where(valid[:width], np.arange(width)[:, None], -1)
-        before = np.max(numbers, axis=0, initial=-1)
+        before = np.max(np.where(valid[:width], np.arange(width)[:, None], -1), axis=0, initial=-1)
         before = np.where(before < 0, width, before)
         gap = np.abs(gain[width] - gain[before, :, :, at].transpose(1, 2, 0)) ** 2
         between = own[width] + own[before, :, at].T - 2.0 * shared[width, before, :, at].T

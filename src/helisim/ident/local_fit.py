@@ -70,8 +70,7 @@ def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest:
         lines = fft.rfft(columns - columns.mean(axis=0), axis=0)
         # the line at half the sampling rate is not one-sided
         most = min((len(record) - 1) // 2, int(highest / step) + 1) + 1
-        scale = record.sample_time * np.sqrt(step / np.pi)
-        each.append(np.asarray(lines[:most]) * scale)
+        each.append(np.asarray(lines[:most]) * (record.sample_time * np.sqrt(step / np.pi)))
     count = np.array([one.shape[0] for one in each], dtype=np.intp)
     values = np.zeros((len(each), int(count.max()), len(names)), dtype=np.complex128)
     for flight, one in enumerate(each):
@@ -279,8 +278,7 @@ def _linear_pole(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
     before, second = np.real(power[:, 0, 0]), np.real(power[:, 1, 1])
     gain = np.abs(power[:, 0, 1]) ** 2 / np.maximum(second, 1e-300)
     after = np.maximum(before - gain, 1e-9 * before + 1e-300)
-    worth = gain / after * solved.freedom
-    return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), worth
+    return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), gain / after * solved.freedom
 
 
 def _pole_step(band: _Band, solved: _Solved, pole: Complex) -> Complex:

@@ -183,8 +183,7 @@ def _least_squares(rows: Real, damping: Real | None = None) -> Real:
     held = np.full(len(rows), 1e-14) if damping is None else damping
     below = np.zeros((len(rows), unknowns, unknowns + 1))
     below[:, np.arange(unknowns), np.arange(unknowns)] = np.sqrt(held)[:, None]
-    upright = np.concatenate([rows / size, below], axis=-2)
-    triangle = np.asarray(np.linalg.qr(upright, mode="r"))
+    triangle = np.asarray(np.linalg.qr(np.concatenate([rows / size, below], axis=-2), mode="r"))
     solved = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
     return solved * size[:, 0, -1:] / size[:, 0, :-1]
 

@@ -46,8 +46,7 @@ def _bias_covariance(
     position: NDArray[np.intp],
 ) -> Real:
     size = bias[output, input_, position]
-    pair = output * bias.shape[1] + input_
-    return np.outer(size, size) * alike(frequency[position], pair)
+    return np.outer(size, size) * alike(frequency[position], output * bias.shape[1] + input_)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,8 +97,7 @@ class Scatter(Value):
         """Return the error model of the difference of two estimates from the same records."""
         taken = tuple(replace(one, share=-one.share) for one in other.windows)
         bias = np.sqrt(self.bias**2 + other.bias**2)
-        gap = self.gap - other.gap
-        return replace(self, windows=self.windows + taken, bias=bias, gap=gap)
+        return replace(self, windows=self.windows + taken, bias=bias, gap=self.gap - other.gap)
 
     def _kernels(
         self, o: NDArray[np.intp], i: NDArray[np.intp], w: NDArray[np.intp]
@@ -240,8 +238,7 @@ class LocalScatter(Value):
         """Return the weights of a frequency's parts and inputs, (n_point, n_part n_in)."""
         part = self.weights[position].part
         mixing = np.zeros((output.size, part.size, self.share.shape[2]))
-        share = self.share[part][:, output, input_, position]
-        mixing[np.arange(output.size), :, input_] = share.T
+        mixing[np.arange(output.size), :, input_] = self.share[part][:, output, input_, position].T
         return mixing.reshape(output.size, -1)
 
     def noise_root(self) -> Complex:

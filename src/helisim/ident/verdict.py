@@ -30,8 +30,9 @@ class Verdict:
     def of(cls, notes: Iterable[Note]) -> "Verdict":
         """Return the verdict that notes make."""
         told = tuple(notes)
-        wrong = tuple(one for one in told if one.kind in _WRONG)
-        doubtful = tuple(one for one in told if one.kind in _DOUBTFUL)
+        wrong, doubtful = (
+            tuple(one for one in told if one.kind in kinds) for kinds in (_WRONG, _DOUBTFUL)
+        )
         return cls("wrong" if wrong else "doubtful" if doubtful else "sound", wrong + doubtful)
 
     def __str__(self) -> str:

@@ -114,8 +114,7 @@ def root_mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return Theil's coefficient of each output, (n_out,); 0 where nothing moves."""
     size = root_mean_square(measured) + root_mean_square(predicted)
-    error = root_mean_square(measured - predicted)
-    return error / np.where(size > 0.0, size, 1.0)
+    return root_mean_square(measured - predicted) / np.where(size > 0.0, size, 1.0)
 
 
 def overall_theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:
@@ -170,9 +169,11 @@ class VerificationFigures:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        plain = {"j_rms": self.j_rms, "tic": self.tic, "acceptable": self.acceptable}
-        approach = self.approach and self.approach.to_dict()
-        return {**plain, **to_plain(self), "approach": approach}
+        return {
+            **{"j_rms": self.j_rms, "tic": self.tic, "acceptable": self.acceptable},
+            **to_plain(self),
+            "approach": self.approach and self.approach.to_dict(),
+        }
 
 
 @dataclass(frozen=True, eq=False)

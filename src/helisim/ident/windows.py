@@ -196,8 +196,7 @@ def condition(
     )
     explained, projection = guu, None
     if reference:
-        among = spectra.block(driving, driving)
-        projection = _right_divide(spectra.block(active, driving), among)
+        projection = _right_divide(*(spectra.block(one, driving) for one in (active, driving)))
         explained = projection @ spectra.block(driving, active)
     one = np.broadcast_to(np.eye(len(active), dtype=np.complex128), explained.shape)
     weight = _right_divide(one, explained)

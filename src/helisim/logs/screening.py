@@ -221,8 +221,7 @@ def _said(name: str, source: str, like: Likeness) -> str:
 
 
 def _as(channels: Channels, one: str, other: str, like: Likeness) -> Option:
-    factor = channels.factor(one) / abs(like.ratio)
-    unit = channels.unit_of(one, factor) if like.off else None
+    unit = channels.unit_of(one, channels.factor(one) / abs(like.ratio)) if like.off else None
     return channels.to_try(one, to=other, unit=unit, flip=like.ratio < 0.0)
 
 

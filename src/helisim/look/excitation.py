@@ -114,8 +114,7 @@ def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExc
 
 
 def _rests(values: Real) -> bool:
-    few = values.size < _LEAST_SAMPLES
-    return few or bool(np.ptp(values) <= 1e-9 * np.max(np.abs(values)))
+    return values.size < _LEAST_SAMPLES or bool(np.ptp(values) <= 1e-9 * np.max(np.abs(values)))
 
 
 def _occupied(step: float, values: Real) -> tuple[float, float]:
@@ -166,8 +165,7 @@ def _kind(time: Real, values: Real, amplitude: float) -> tuple[Kind, float, floa
     """Return a signal's shape, and its lowest and highest frequency, rad/s."""
     duration, step = float(time[-1] - time[0]), float(time[1] - time[0])
     # half-waves, from one change of sign to the next
-    least = _HYSTERESIS * amplitude
-    known = np.flatnonzero(np.abs(values) > least)
+    known = np.flatnonzero(np.abs(values) > _HYSTERESIS * amplitude)
     turns = known[1:][np.diff(np.sign(values[known])) != 0]
     edges = np.concatenate([time[known[:1]], time[turns], time[known[-1:]]])
     waves = np.maximum(np.diff(edges), step)

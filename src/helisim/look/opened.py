@@ -61,8 +61,11 @@ class LogLook:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: times in s, frequencies in rad/s."""
-        figures = {"duration": self.duration, "parts": len(self.records)}
-        return to_plain(replace(self, records=())) | figures
+        return {
+            **to_plain(replace(self, records=())),
+            "duration": self.duration,
+            "parts": len(self.records),
+        }
 
     def __str__(self) -> str:
         return self.worded(lambda finding: finding.text)

@@ -579,8 +579,7 @@ def side_acceleration(record: FlightRecord, place: Sequence[float]) -> Real:
     `place`, m, is the accelerometer's, forward, right and down of it: there v + x r - z p is felt.
     """
     p, r = (np.gradient(record[name], record.sample_time) for name in "pr")
-    felt = record["ay"] + STANDARD_GRAVITY * np.sin(record["phi"])
-    return felt - place[0] * r + place[2] * p
+    return record["ay"] + STANDARD_GRAVITY * np.sin(record["phi"]) - place[0] * r + place[2] * p
 
 
 def _diagnostics(log: InferredLog, rate: float) -> list[str]:

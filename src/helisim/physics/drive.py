@@ -41,8 +41,7 @@ power: W, of the engine less friction; voltage, current: of the battery, V and A
 def drive(view, flow, step):
     """Return what the `Drive` does: the mean over a time step (s), or now at 0."""
     par, act = view.par, view.act
-    ratio = par[PARAM.tail_speed] / par[PARAM.main_speed]
-    tail = ratio * flow.tail.torque
+    tail = par[PARAM.tail_speed] / par[PARAM.main_speed] * flow.tail.torque
     if par[PARAM.drive_governor] == IDEAL:
         mast = flow.main.torque
         power = (mast + tail) * (flow.speed * par[PARAM.main_speed])
@@ -155,8 +154,7 @@ def motor_current(par, throttle, speed, source):
 
     The speed controller takes that current times the throttle of the battery.
     """
-    turning = speed * par[PARAM.main_speed] * par[PARAM.drive_gear]
-    emf = turning / par[PARAM.drive_speed_constant]
+    emf = speed * par[PARAM.main_speed] * par[PARAM.drive_gear] / par[PARAM.drive_speed_constant]
     resistance = par[PARAM.drive_resistance] + throttle**2 * source.resistance
     return (throttle * source.voltage - emf) / resistance
 

@@ -166,23 +166,33 @@ def pressed(density, pressure, ahead, square):
 
 
 @kernel()
-def fin(par, motion, wash):
-    """Return the wrench of the vertical fin."""
-    x, z = par[PARAM.fin_x], par[PARAM.fin_z]
+def surface(par, first, motion, wash):
+    """Return the force on the fin or the tailplane, N, ahead and across, and its x and z, m.
+
+    `first` is where its numbers begin in `PARAM`, in the order of the fin's, which is upright.
+    """
+    on = first - PARAM.fin_area
+    x, z = par[PARAM.fin_x + on], par[PARAM.fin_z + on]
     u = motion.u + motion.q * z
     v = motion.v + motion.r * x - motion.p * z
     w = motion.w - motion.q * x - wash
-    cosine, sine = par[PARAM.fin_cosine], par[PARAM.fin_sine]
+    cosine, sine = par[PARAM.fin_cosine + on], par[PARAM.fin_sine + on]
     square = u**2 + v**2 + w**2
     force = normal_force(
-        pressed(par[PARAM.air_density], par[PARAM.fin_pressure], u, square),
-        par[PARAM.fin_area],
-        par[PARAM.fin_slope],
-        par[PARAM.fin_stall],
+        pressed(par[PARAM.air_density], par[PARAM.fin_pressure + on], u, square),
+        par[PARAM.fin_area + on],
+        par[PARAM.fin_slope + on],
+        par[PARAM.fin_stall + on],
         square,
-        u * sine + v * cosine,
+        u * sine + (w if on else v) * cosine,
     )
-    fx, fy = force * sine, force * cosine
+    return force * sine, force * cosine, x, z
+
+
+@kernel()
+def fin(par, motion, wash):
+    """Return the wrench of the vertical fin."""
+    fx, fy, x, z = surface(par, PARAM.fin_area, motion, wash)
     return Wrench(fx, fy, 0.0, -z * fy, z * fx, x * fy)
 
 
@@ -191,21 +201,7 @@ def tailplane(par, motion, wash):
     """Return the wrench of the horizontal tailplane."""
     if par[PARAM.tailplane_area] == 0.0:
         return Wrench(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    x, z = par[PARAM.tailplane_x], par[PARAM.tailplane_z]
-    u = motion.u + motion.q * z
-    v = motion.v + motion.r * x - motion.p * z
-    w = motion.w - motion.q * x - wash
-    cosine, sine = par[PARAM.tailplane_cosine], par[PARAM.tailplane_sine]
-    square = u**2 + v**2 + w**2
-    force = normal_force(
-        pressed(par[PARAM.air_density], par[PARAM.tailplane_pressure], u, square),
-        par[PARAM.tailplane_area],
-        par[PARAM.tailplane_slope],
-        par[PARAM.tailplane_stall],
-        square,
-        u * sine + w * cosine,
-    )
-    fx, fz = force * sine, force * cosine
+    fx, fz, x, z = surface(par, PARAM.tailplane_area, motion, wash)
     return Wrench(fx, 0.0, fz, 0.0, z * fx - x * fz, 0.0)
 
 

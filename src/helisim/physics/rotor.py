@@ -200,8 +200,7 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, m
         par[PARAM.main_lift_drag],
         par[PARAM.main_divergence],
     )
-    fall = par[PARAM.main_stall_fall]
-    limit = stall_limit(blades.solidity, par[PARAM.main_stall], fall, advance)
+    limit = stall_limit(blades.solidity, par[PARAM.main_stall], par[PARAM.main_stall_fall], advance)
     free = unloaded_inflow(pitch, par[PARAM.main_twist], through, advance)
     if par[PARAM.main_dynamic_inflow] != 0.0:
         induced = mean / tip_speed
@@ -275,8 +274,7 @@ def tail_rotor(par, motion, speed, pedal, wash=0.0):
         par[PARAM.tail_lift_drag],
         par[PARAM.tail_divergence],
     )
-    fall = par[PARAM.tail_stall_fall]
-    limit = stall_limit(blades.solidity, par[PARAM.tail_stall], fall, advance)
+    limit = stall_limit(blades.solidity, par[PARAM.tail_stall], par[PARAM.tail_stall_fall], advance)
     free = unloaded_inflow(pitch, 0.0, climb, advance)
     induced, thrust = balance(free, slope, limit, climb, advance, 0.0)
     unstalled, mach = slope * (free - induced), speed * par[PARAM.tail_mach]

@@ -138,5 +138,4 @@ def with_more_missing(record: FlightRecord, later: float = 0.5) -> FlightRecord:
     """Return a record with as many more samples hidden, `later` of it on, and expected as well."""
     lost = missing_of(record)
     more = lost | np.roll(lost, round(later * len(record)), axis=0)
-    values = completed(record.values, more, 1.0 / record.sample_time)
-    return replace(record, values=values)
+    return replace(record, values=completed(record.values, more, 1.0 / record.sample_time))

@@ -82,8 +82,7 @@ def frozen_runs(values: NDArray[np.float64]) -> tuple[Run, ...]:
 
     At least ten, and ten times as many as usual; the rest before the first motion is none.
     """
-    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
-    starts = np.concatenate([[0], edges])
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1])
     lengths = np.diff(np.concatenate([starts, [values.size]]))
     if lengths.size < 2:
         return ()

@@ -56,18 +56,18 @@ ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
 SERVO_POSITIONS = tuple(f"{servo}_position" for servo in SERVOS)
 """What only a simulation knows; a recorder writes it on request, and no fit may use it."""
-IN1_ADDED = tuple(f"{name}_added" for name in IN1)
-IN1_GYRO = tuple(f"{name}_gyro" for name in IN1)
-"""At the servo commands: what a manoeuvre adds, and the gyro's own. The command is their sum."""
-IN1_DISTURBANCE = tuple(f"{name}_disturbance" for name in IN1)
-IN1_SUM = tuple(f"{name}_sum" for name in IN1)
-"""At the actuators: what a manoeuvre adds to the command, and what reaches the servos."""
-RATE_DISTURBANCE = tuple(f"{name}_disturbance" for name in RATES)
-RATE_SUM = tuple(f"{name}_sum" for name in RATES)
-"""At the gyro's sensors: what a manoeuvre adds to the rate, and what the gyro reads."""
-ATTITUDE_DISTURBANCE = tuple(f"{name}_disturbance" for name in ATTITUDES)
-ATTITUDE_SUM = tuple(f"{name}_sum" for name in ATTITUDES)
-"""Likewise of the attitude that a controller sees; a manoeuvre that turns it turns the rate too."""
+IN1_ADDED, IN1_GYRO, IN1_DISTURBANCE, IN1_SUM = (
+    tuple(f"{name}_{what}" for name in IN1) for what in ("added", "gyro", "disturbance", "sum")
+)
+"""At the servo commands: what a manoeuvre adds, and the gyro's own; the command is their sum. At
+the actuators: what a manoeuvre adds to the command, and what reaches the servos."""
+RATE_DISTURBANCE, RATE_SUM, ATTITUDE_DISTURBANCE, ATTITUDE_SUM = (
+    tuple(f"{name}_{what}" for name in names)
+    for names in (RATES, ATTITUDES)
+    for what in ("disturbance", "sum")
+)
+"""At the gyro's sensors: what a manoeuvre adds to the rate, and what the gyro reads. Likewise of
+the attitude that a controller sees; a manoeuvre that turns it turns the rate too."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
 AXES = IN1

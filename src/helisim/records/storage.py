@@ -74,8 +74,7 @@ def read_record(path: str | Path) -> FlightRecord:
 
 def _write_csv(record: FlightRecord, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{_TITLE}{_VERSION}\n")
-        file.write(f"# rows: {len(record)}\n")
+        file.write(f"{_TITLE}{_VERSION}\n# rows: {len(record)}\n")
         file.write(f"# provenance: {one_line(dict(record.provenance))}\n")
         for channel in record.channels:
             file.write(f"# channel: {json.dumps(asdict(channel), ensure_ascii=False)}\n")

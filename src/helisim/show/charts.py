@@ -217,8 +217,7 @@ def _points(
     kind, ink, width = _look(one.label, place)
 
     def at(figures: Mapping[str, float]) -> list[float]:
-        values = (axis.clipped(figures[axis.figure]) for axis in axes)
-        return [*values, row][:2]
+        return [*(axis.clipped(figures[axis.figure]) for axis in axes), row][:2]
 
     cloud = np.array([at(each) for each in one.draws]).reshape(-1, 2).T
     x, y = at(one.figures)

@@ -213,8 +213,7 @@ class Ground(Brief):
 
     def _standing(self, vehicle: Vehicle, model: mujoco.MjModel) -> NDArray[np.float64]:
         model, where = copy.copy(model), addresses(model)
-        off = [PARAM.gyro_on, PARAM.pilot_on, PARAM.turbulence_on]
-        model.actuator_user[where.rotor, off] = 0.0
+        model.actuator_user[where.rotor, [PARAM.gyro_on, PARAM.pilot_on, PARAM.turbulence_on]] = 0.0
         model.opt.wind[:] = 0.0
         data, turn = mujoco.MjData(model), self._quaternion()
         data.ctrl[where.control + CONTROL.rotor] = data.act[where.state + STATE.speed] = 0.0

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.base.errors import InputError, RecordError, check_known, named
+from helisim.base.linear import delay_fit
 from helisim.base.settings import is_number, to_plain
 from helisim.physics import pilot
 from helisim.physics.gyro import held_lag
@@ -25,7 +26,7 @@ from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
 
-_Complex = NDArray[np.complexfloating[Any, Any]]
+_Complex = NDArray[np.complex128]
 
 _ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=FlightEnvelope().rate)
 _STEPS = (0.016, 0.015, 0.014, 0.013, 0.012)  # of the pedals, unitised
@@ -232,16 +233,8 @@ def _response(x: NDArray[np.float64], omega: NDArray[np.float64]) -> _Complex:
 
 def _start(drives: _Complex, driven: _Complex, omega: NDArray[np.float64]) -> tuple[float, ...]:
     """Return proportional and integral gain and delay, s: linear least squares at each delay."""
-    target = np.concatenate([driven.real, driven.imag])
-
-    def fitted(delay: float) -> tuple[float, ...]:
-        delayed = drives * np.exp(-1j * omega * delay)
-        columns = np.column_stack([delayed, delayed / (1j * omega)]).astype(np.complex128)
-        stacked = np.concatenate([columns.real, columns.imag])
-        gains, *_ = np.linalg.lstsq(stacked, target, rcond=None)
-        return float(np.sum((stacked @ gains - target) ** 2)), *gains.tolist(), delay
-
-    return min(map(fitted, np.linspace(-_LONGEST_DELAY, _LONGEST_DELAY, 81).tolist()))[1:]
+    delays = np.linspace(-_LONGEST_DELAY, _LONGEST_DELAY, 81).tolist()
+    return delay_fit(drives, driven, omega, delays, lambda one: (one, one / (1j * omega)))
 
 
 @dataclass(frozen=True, eq=False)

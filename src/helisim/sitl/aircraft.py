@@ -110,8 +110,7 @@ class Aircraft(Live):
         self._rows = [self.data.sensordata.copy()]
 
     def _begins(self) -> None:
-        act = self.data.act[self._where.state :]
-        act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
+        self.data.act[self._where.state :][STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
         self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
 
     @property
@@ -145,8 +144,7 @@ class Aircraft(Live):
                 blown = f", in a wind of {self.weather.wind:g} m/s" if self.weather.wind else ""
                 self.crashed += blown
                 self._crash_time, self._slow_rotor = self.time, 0.0
-                act = self.data.act[self._where.state :]
-                act[STATE.speed : STATE.fuel + 1] = 0.0
+                self.data.act[self._where.state :][STATE.speed : STATE.fuel + 1] = 0.0
         if self._shakes is not None:
             self.sensed = sensed = self._shakes.shaken(sensed, self.rotor_speed)
         return sensed

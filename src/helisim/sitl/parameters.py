@@ -109,8 +109,7 @@ Group = tuple[Setting, ...]
 
 def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
     """Return the swashplate's settings, and remarks; InputError if ArduPilot can't send a pulse."""
-    plate = vehicle.swashplate
-    columns = np.array(plate.mix(*np.eye(3)))  # rows: servos; columns: col, lon, lat
+    columns = np.array(vehicle.swashplate.mix(*np.eye(3)))  # rows: servos; columns: col, lon, lat
     signs = np.sign(columns[:, 0])
     rows = signs[:, None] * columns[:, 1:]
     each = (outputs.front, outputs.left, outputs.right)

@@ -106,8 +106,7 @@ class Telemetry:
         """Send a command with up to seven numbers, and return its number."""
         number = int(getattr(self.messages, name))
         self.acknowledged.pop(number, None)
-        seven = [*numbers, *([0.0] * (7 - len(numbers)))]
-        self.send.command_long_send(*_VEHICLE, number, 0, *seven)
+        self.send.command_long_send(*_VEHICLE, number, 0, *numbers, *([0.0] * (7 - len(numbers))))
         return number
 
     def speak(self, pulses: list[int]) -> None:

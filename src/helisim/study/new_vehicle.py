@@ -176,8 +176,7 @@ def new_vehicle(
         make_folder(temporary.parent)
         _write(source, temporary, name, _texts(source, name, airframe))
         if airframe is not None:
-            ratios = airframe.ratios(standard_parameters(source))
-            _fit(temporary, name, ratios, on_progress)
+            _fit(temporary, name, airframe.ratios(standard_parameters(source)), on_progress)
         os.rename(temporary, folder)
     except OSError as error:
         raise StorageError(f"can't make {folder}: {error.strerror or error}") from None

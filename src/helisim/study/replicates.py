@@ -101,8 +101,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Row]:
         own = Recorder.of(vehicle)
         recorder = one.changed("recorder", own)
         plans = {axis: one.plan(axis, vehicle.parameters, own) for axis in campaign.axes}
-        weather = one.changed("weather", Weather())
-        air = air_met(vehicle, weather)  # the truth is of the hover in it
+        air = air_met(vehicle, one.changed("weather", Weather()))  # the truth is of the hover in it
         ground = _ground_tests(campaign.chosen, vehicle, one.seed, recorder)
     except HelisimError as error:
         return [row for task in tasks for row in task.failed(error)]

@@ -209,8 +209,7 @@ def downwash(
     ahead = x - radius * cosine
     distance = np.sqrt(ahead**2 + (radius * np.sin(_AZIMUTHS)) ** 2 + z**2 + core**2)
     around = (radius - x * cosine) / distance - np.sin(skew) * cosine
-    along = distance + ahead * np.sin(skew) - z * np.cos(skew)
-    return np.mean(radius * around / along, axis=-1)
+    return np.mean(radius * around / (distance + ahead * np.sin(skew) - z * np.cos(skew)), axis=-1)
 
 
 def loaded_downwash(

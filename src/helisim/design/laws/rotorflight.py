@@ -223,8 +223,7 @@ class Rotorflight(Law):
         There cyclic precompensation, an offset and what fades with collective have no slope.
         """
         settings, rest = self.numbers(period), np.zeros(COUNT)
-        still = Seen(*np.zeros(len(Seen._fields)).tolist())
-        COMPILED.reset(still, rest, settings)
+        COMPILED.reset(Seen(*np.zeros(len(Seen._fields)).tolist()), rest, settings)
 
         def odd(seen: Seen, state: NDArray[np.float64], settings: NDArray[np.float64]) -> object:
             ends = []
