@@ -62,6 +62,8 @@ _TUNING = {
 class Airframe(Checked):
     """What a pilot knows of a helicopter; None is estimated from another one, in proportion.
 
+    Limits are those of what flies, so that millimetres, grams and milliseconds are refused.
+
     Attributes:
         mass: as it flies, kg.
         rotor, tail_rotor: diameters, m.
@@ -73,16 +75,16 @@ class Airframe(Checked):
         servo: of the swashplate, s for 60 degrees.
     """
 
-    mass: float = setting(unit="kg", above=0.0)
-    rotor: float = setting(unit="m", above=0.0)
-    rpm: float = setting(above=0.0)
-    blades: int | None = setting(None, low=2)
-    chord: float | None = setting(None, unit="m", above=0.0)
-    tail_rotor: float | None = setting(None, unit="m", above=0.0)
-    tail_chord: float | None = setting(None, unit="m", above=0.0)
-    tail_ratio: float | None = setting(None, above=0.0)
-    tail_arm: float | None = setting(None, unit="m", above=0.0)
-    servo: float | None = setting(None, unit="s", above=0.0)
+    mass: float = setting(unit="kg", low=0.01, high=50000.0)
+    rotor: float = setting(unit="m", low=0.1, high=24.0)
+    rpm: float = setting(low=100.0, high=6000.0)
+    blades: int | None = setting(None, low=2, high=8)
+    chord: float | None = setting(None, unit="m", low=0.005, high=1.0)
+    tail_rotor: float | None = setting(None, unit="m", low=0.02, high=6.0)
+    tail_chord: float | None = setting(None, unit="m", low=0.003, high=0.4)
+    tail_ratio: float | None = setting(None, low=1.0, high=12.0)
+    tail_arm: float | None = setting(None, unit="m", low=0.05, high=15.0)
+    servo: float | None = setting(None, unit="s", low=0.01, high=1.0)
 
     def ratios(self, other: Mapping[str, float]) -> "Ratios":
         """Return its mass, size and rotor speed over another vehicle's."""
