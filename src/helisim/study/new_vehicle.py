@@ -210,21 +210,23 @@ def _write(source: Path, folder: Path, name: str, texts: dict[str, str]) -> None
 
 
 def _fit(folder: Path, name: str, ratios: Ratios, on_progress: Callable[[str], None]) -> None:
-    """Give the folder's MJCF an airframe's size and mass, solve its hover, and tune its gyro."""
-    path, own = folder / f"{name}.xml", standard_parameters(folder)
+    """Give a folder's MJCF and scene an airframe's size and mass; solve hover and gyro."""
+    own = standard_parameters(folder)
     shutil.rmtree(folder / "rigs", ignore_errors=True)  # of another size
-    write_changes([*_resized(path, ratios, own)])
+    for path in (folder / f"{name}.xml", *folder.glob("scene.xml")):
+        write_changes([*_resized(path, ratios, own)])
     on_progress("hover")
     (folder / PARAMETER_FILES[1]).write_text(calibrated_text(folder), encoding="utf-8")
     on_progress("gyro")
-    tuned = to_toml(tune_rate_command(load(folder, tuned=False)), _header("retuned"))
-    (folder / PARAMETER_FILES[2]).write_text(tuned, encoding="utf-8")
+    (folder / PARAMETER_FILES[2]).write_text(
+        to_toml(tune_rate_command(load(folder, tuned=False)), _header("retuned")), encoding="utf-8"
+    )
     write_numbers(folder)
 
 
 def _resized(path: Path, ratios: Ratios, own: Mapping[str, float]) -> Iterator[Change]:
     units = {"mass": "kg", "fullinertia": "kg m^2", "diaginertia": "kg m^2"}
-    lengths = dict.fromkeys(("pos", "size", "fromto"), "m")
+    lengths = dict.fromkeys(("pos", "size", "fromto", "center", "extent"), "m")
     for one in elements(path, path.read_bytes()):
         found = {key: (one.numbers(key), unit) for key, unit in (units | lengths).items()}
         new = {
