@@ -8,6 +8,7 @@ import pickle
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -325,3 +326,9 @@ def test_delays_of_inputs_that_were_left_out_are_no_states():
     assert found.states == ("x[0]", "v_1_ago", "v_2_ago")
     omega = np.array([0.5, 5.0])
     assert found.response(omega) == pytest.approx(late.select(["v"]).response(omega))
+
+
+def test_an_alias_of_a_type_is_what_it_stands_for():
+    """`type Real = ...`, as NumPy 2.5 has it and Python 3.11 can't, says it by `__value__`."""
+    alias = SimpleNamespace(__value__=NDArray[np.float64])
+    assert settings.convert(alias, [1, 2], "it").dtype == np.float64

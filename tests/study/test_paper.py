@@ -535,11 +535,11 @@ def test_an_airframe_of_half_the_size_is_dynamically_similar(tmp_path, monkeypat
 
 def test_an_airframe_lacks_nothing_that_it_needs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert "a vehicle from numbers needs rpm" in fails(
+    assert "airframe needs rpm" in fails(
         capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1.35
     )
-    assert "mass must be a number above 0" in fails(
-        capsys, "vehicle", "new", "own", "--mass", 0, "--rotor", 1.35, "--rpm", 2100
+    assert "airframe.rotor must be a number 0.1 or more and at most 24 m" in fails(
+        capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1350, "--rpm", 2100
     )
     # 42 kg on a rotor of 0.35 m: no pitch of the blades lifts it
     assert "no hover found" in fails(

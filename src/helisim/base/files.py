@@ -43,7 +43,10 @@ def file_size(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> int:
     path = Path(path)
     with _said(path):
         if not path.is_file():
-            kinds = {"no such file": not path.exists(), "a folder; expected a file": path.is_dir()}
+            kinds = {
+                "no such file": not path.exists(),
+                f"a folder; expected a file, or all in it: {path}/*": path.is_dir(),
+            }
             raise StorageError(f"{path}: {next(filter(kinds.get, kinds), 'not a regular file')}")
         size = path.stat().st_size
     if size > limit:

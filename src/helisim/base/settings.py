@@ -274,12 +274,11 @@ def convert(
     """
     if hint is Any or hint is object:
         return value
-    if isinstance(value, np.generic):
-        value = value.item()
     options = _alternatives(hint)
     if value is None and NoneType in options:
         return None
-    if isinstance(value, np.ndarray) and not any(get_origin(o) is np.ndarray for o in options):
+    arrays = any(get_origin(o) is np.ndarray for o in options)
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and not arrays):
         value = value.tolist()
     if isinstance(value, Mapping) and any(map(is_dataclass, options)):
         return from_plain(hint, value, place, lenient=lenient)
@@ -408,13 +407,18 @@ def _is_list(origin: Any) -> bool:
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
-    if get_origin(hint) not in (Union, UnionType):
-        return (hint,)
-    return tuple(one for part in get_args(hint) for one in _alternatives(part))
+    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
+    return tuple(one for part in parts for one in _alternatives(part)) or (_unaliased(hint),)
+
+
+def _unaliased(hint: Any) -> Any:
+    """Return what an alias of a type stands for: `NDArray` is one from NumPy 2.5 on."""
+    meant, parts = getattr(get_origin(hint) or hint, "__value__", hint), get_args(hint)
+    return meant[parts] if parts and meant is not hint else meant
 
 
 def _words(hint: Any, limits: Limits = FREE) -> str:
-    origin, parts = get_origin(hint), get_args(hint)
+    origin, parts = get_origin(hint := _unaliased(hint)), get_args(hint)
     if origin in (Union, UnionType):
         kinds = _kinds_in_words(kinds_of(hint))
         plain = [one for one in _alternatives(hint) if one is not NoneType]

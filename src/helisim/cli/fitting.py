@@ -399,7 +399,7 @@ def verify(o: Options) -> int:
     if given and o.model.suffix.lower() != ".json":
         raise InputError(
             f"{o.model} stands where the model is expected, and {given[0]} among the logs; the "
-            f"model comes first: helisim verify {given[0]} {o.model}"
+            f"model comes first: helisim verify {given[0]} {o.model}{'/*' * o.model.is_dir()}"
         )
     fit = load_fit(o.model)
     inputs, outputs = fit.structure.inputs, fit.structure.outputs

@@ -170,7 +170,7 @@ def vehicle(_: Options) -> None:
     """
 
 
-def vehicle_new(o: Options) -> None:
+def vehicle_new(o: Options) -> int | None:
     """Make a folder that flies at once, commented line by line.
 
     Make a vehicle's folder from another's, or of the size that numbers say. Nothing is overwritten.
@@ -199,19 +199,17 @@ def vehicle_new(o: Options) -> None:
     From numbers the hover is solved and the gyro tuned, which takes half a minute.
     """
     from helisim.base.settings import from_plain, setting_names
-    from helisim.show.terminal import render_check
-    from helisim.study.check import check_vehicle
     from helisim.study.new_vehicle import Airframe, new_vehicle
 
     given = {name: getattr(o, name) for name in setting_names(Airframe)}
     given = {name: value for name, value in given.items() if value is not None}
-    airframe = from_plain(Airframe, given, "a vehicle from numbers") if given else None
+    airframe = from_plain(Airframe, given, "airframe") if given else None
     with progress(None, o.quiet or airframe is None) as advance:
         folder = new_vehicle(o.name, like=o.like, to=o.to, airframe=airframe, on_progress=advance)
-    if airframe is not None and not o.quiet:
-        print(render_check(check_vehicle(folder)))
     shown = folder.name if o.to is None else o.to / folder.name
     print_written(o, f"{shown}; next: see {shown}/README.md, or helisim vehicle linearize {shown}")
+    o.vehicle = folder
+    return None if airframe is None else vehicle_check(o)
 
 
 def vehicle_check(o: Options) -> int:

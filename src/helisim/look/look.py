@@ -264,9 +264,20 @@ def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str,
 def _band(
     used: Sequence[LogLook], inputs: Sequence[str], outputs: Sequence[str]
 ) -> tuple[float, float]:
-    """Return the band in which any response is coherent and the records resolve it, rad/s."""
-    mine = [a for one in used for a in one.answers if a.input in inputs and a.output in outputs]
-    durations = [duration for one in used for duration in one.durations]
-    low = max(min(a.low for a in mine), 1.02 * lowest_line(durations))
+    """Return the band in which any response is coherent and the records resolve it, rad/s.
+
+    A stick excites in a wider band than what a loop makes of it, and no lower than what it swept.
+    """
+    mine = [a for one in used for a in one.answers if a.output in outputs]
+    spans = [
+        [(a.low, a.high) for a in mine if a.input in group]
+        for group in (inputs, [STICKS[name] for name in inputs if name in STICKS])
+    ]
+    low = max(
+        1.02 * lowest_line([duration for one in used for duration in one.durations]),
+        *(min(one)[0] for one in spans if one),
+    )
     digits = 1 - math.floor(math.log10(low))
-    return math.ceil(low * 10.0**digits) / 10.0**digits, max(a.high for a in mine)
+    return math.ceil(low * 10.0**digits) / 10.0**digits, max(
+        high for one in spans for _, high in one
+    )

@@ -191,7 +191,7 @@ def _predicted(name: str, verification: Verification, shown: Trace, flight: str)
         left = (Mark("line", "grey", shown.time, measured - predicted),)
         panels += [
             Panel(labelled(output, seen), marks, 96.0),
-            Panel(labelled(f"{output}, flight less model", seen), left, 42.0),
+            Panel(labelled(f"{output}, flight less model", seen), left, 48.0),
         ]
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))
     how = f"; {verification.approach}" if verification.approach else ""

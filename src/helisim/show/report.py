@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from helisim.base.files import make_folder
@@ -25,13 +26,13 @@ from helisim.study.results import IdentifiedModel, Results, Run, read_run
 FIGURES = "figures"
 REPORT = "report.html"
 
-_IN_PAPER = {  # model -> place in the paper
-    "yaw_base": "Table 2 and Figure 4, yaw, base helicopter",
-    "yaw_gyro": "Table 2, yaw, gyro",
-    "yaw_overall": "Table 2, eq. (8) and Figure 3, yaw, helicopter with gyro",
-    "rollpitch_in1": "Table 3 and Figure 6, roll and pitch, base helicopter",
-    "rollpitch_in2": "Table 3 and Figure 5, roll and pitch, helicopter with gyro",
-    "heave": "Table 4, heave",
+_TITLES = {  # model -> name and place in the paper
+    "yaw_base": "yaw_base: Table 2 and Figure 4, yaw, base helicopter",
+    "yaw_gyro": "yaw_gyro: Table 2, yaw, gyro",
+    "yaw_overall": "yaw_overall: Table 2, eq. (8) and Figure 3, yaw, helicopter with gyro",
+    "rollpitch_in1": "rollpitch_in1: Table 3 and Figure 6, roll and pitch, base helicopter",
+    "rollpitch_in2": "rollpitch_in2: Table 3 and Figure 5, roll and pitch, helicopter with gyro",
+    "heave": "heave: Table 4, heave",
 }
 _OF_SWEEP = {  # axis -> name and channels of its sweep
     "col": ("collective", "COL", "col", "w", "phi", "theta"),
@@ -178,12 +179,6 @@ def _sections(run: Run, folder: Path) -> list[Section]:
     swept = (_sweep(axis, record) for axis, record in run.sweeps.items())
     return [
         ("experiment", "The experiment", _experiment(results)),
-        ("airframe", "Table 1, the helicopter", page.table(tables.airframe(flown))),
-        (
-            "ground",
-            "On the ground",
-            "".join(map(page.block, map(tables.rig, results.ground.values()))),
-        ),
         ("tables", "Tables 2 to 4, the models", _results_tables(run)),
         (
             "gyro",
@@ -195,6 +190,12 @@ def _sections(run: Run, folder: Path) -> list[Section]:
         ("quality", "Costs and correlations", quality),
         ("time", "Verification in the time domain", predicted and paragraph(lead) + predicted),
         ("sweeps", "One kept sweep of each axis", page.figures(swept, folder)),
+        ("airframe", "Table 1, the helicopter", page.table(tables.airframe(flown))),
+        (
+            "ground",
+            "On the ground",
+            "".join(map(page.block, map(tables.rig, results.ground.values()))),
+        ),
         ("omitted", "What was left out, and why", page.bullets(omitted)),
         ("errata", "Errors in the paper", page.table(tables.errata(errata()))),
         ("provenance", "Provenance", provenance),
@@ -253,8 +254,7 @@ def _results_tables(run: Run) -> str:
     parts = [paragraph(lead, "note"), _meanings()]
     for one in run.results.tables:
         parts += [
-            paragraph(_IN_PAPER.get(one.name, ""), "note"),
-            page.block(tables.comparison(one)),
+            page.block(replace(tables.comparison(one), title=_TITLES.get(one.name, one.name))),
             page.folded("tolerances", page.bullets(_tolerances(one))),
         ]
     return "\n".join(parts)
@@ -281,7 +281,7 @@ def _bode(run: Run, folder: Path) -> str:
         "each as a file."
     )
     blocks = (
-        page.heading(f"{item.name}: {_IN_PAPER.get(item.name, '')}".rstrip(": "))
+        page.heading(_TITLES.get(item.name, item.name))
         + paragraph(item.note, "note")
         + _pairs(item, folder)
         for item in run.models

@@ -75,8 +75,9 @@ def comparison(shown: ComparisonTable) -> Table:
         notes.append(("equivalent", _EQUIVALENT))
     return table(
         shown.name,
-        f"parameter<|unit<|paper|{shown.truth}|identified|std. error*|CR %|insens. %*|paper CR %*"
-        "|support<|agreement<",
+        "parameter<|unit<|paper"
+        + "*" * all(row.paper is None for row in shown.parameters)
+        + f"|{shown.truth}|identified|std. error*|CR %|insens. %*|paper CR %*|support<|agreement<",
         (_compared(shown.name, row) for row in shown.parameters),
         f"from {shown.input}, {low:.3g} to {high:.3g} rad/s, average cost {shown.cost:.3g}",
         notes,

@@ -62,6 +62,8 @@ _TUNING = {
 class Airframe(Checked):
     """What a pilot knows of a helicopter; None is estimated from another one, in proportion.
 
+    Limits are those of what flies, so that millimetres, grams and milliseconds are refused.
+
     Attributes:
         mass: as it flies, kg.
         rotor, tail_rotor: diameters, m.
@@ -73,16 +75,16 @@ class Airframe(Checked):
         servo: of the swashplate, s for 60 degrees.
     """
 
-    mass: float = setting(unit="kg", above=0.0)
-    rotor: float = setting(unit="m", above=0.0)
-    rpm: float = setting(above=0.0)
-    blades: int | None = setting(None, low=2)
-    chord: float | None = setting(None, unit="m", above=0.0)
-    tail_rotor: float | None = setting(None, unit="m", above=0.0)
-    tail_chord: float | None = setting(None, unit="m", above=0.0)
-    tail_ratio: float | None = setting(None, above=0.0)
-    tail_arm: float | None = setting(None, unit="m", above=0.0)
-    servo: float | None = setting(None, unit="s", above=0.0)
+    mass: float = setting(unit="kg", low=0.01, high=50000.0)
+    rotor: float = setting(unit="m", low=0.1, high=24.0)
+    rpm: float = setting(low=100.0, high=6000.0)
+    blades: int | None = setting(None, low=2, high=8)
+    chord: float | None = setting(None, unit="m", low=0.005, high=1.0)
+    tail_rotor: float | None = setting(None, unit="m", low=0.02, high=6.0)
+    tail_chord: float | None = setting(None, unit="m", low=0.003, high=0.4)
+    tail_ratio: float | None = setting(None, low=1.0, high=12.0)
+    tail_arm: float | None = setting(None, unit="m", low=0.05, high=15.0)
+    servo: float | None = setting(None, unit="s", low=0.01, high=1.0)
 
     def ratios(self, other: Mapping[str, float]) -> "Ratios":
         """Return its mass, size and rotor speed over another vehicle's."""
@@ -207,21 +209,23 @@ def _write(source: Path, folder: Path, name: str, texts: dict[str, str]) -> None
 
 
 def _fit(folder: Path, name: str, ratios: Ratios, on_progress: Callable[[str], None]) -> None:
-    """Give the folder's MJCF an airframe's size and mass, solve its hover, and tune its gyro."""
-    path, own = folder / f"{name}.xml", standard_parameters(folder)
+    """Give a folder's MJCF and scene an airframe's size and mass; solve hover and gyro."""
+    own = standard_parameters(folder)
     shutil.rmtree(folder / "rigs", ignore_errors=True)  # of another size
-    write_changes([*_resized(path, ratios, own)])
+    for path in (folder / f"{name}.xml", *folder.glob("scene.xml")):
+        write_changes([*_resized(path, ratios, own)])
     on_progress("hover")
     (folder / PARAMETER_FILES[1]).write_text(calibrated_text(folder), encoding="utf-8")
     on_progress("gyro")
-    tuned = to_toml(tune_rate_command(load(folder, tuned=False)), _header("retuned"))
-    (folder / PARAMETER_FILES[2]).write_text(tuned, encoding="utf-8")
+    (folder / PARAMETER_FILES[2]).write_text(
+        to_toml(tune_rate_command(load(folder, tuned=False)), _header("retuned")), encoding="utf-8"
+    )
     write_numbers(folder)
 
 
 def _resized(path: Path, ratios: Ratios, own: Mapping[str, float]) -> Iterator[Change]:
     units = {"mass": "kg", "fullinertia": "kg m^2", "diaginertia": "kg m^2"}
-    lengths = dict.fromkeys(("pos", "size", "fromto"), "m")
+    lengths = dict.fromkeys(("pos", "size", "fromto", "center", "extent"), "m")
     for one in elements(path, path.read_bytes()):
         found = {key: (one.numbers(key), unit) for key, unit in (units | lengths).items()}
         new = {
