@@ -54,7 +54,7 @@ _STIFFER = {True: 3.0, False: 0.0}
 _SLOWEST = 0.3
 _SPAN = 3.0  # dB from Level 1 to the end of Level 2
 _GROWTH = Limit(1e-3, 0.05)
-_FAST = 30.0  # rad/s, a crossover that costs nothing, or what the stiffer loads take
+_FAST = 30.0  # rad/s, crossover, or more by as much as loads are stiffened
 
 
 def attitude_start(
@@ -176,8 +176,8 @@ def usual_specs(
         slow = isinstance(spec.criterion, AttitudeQuickness) and not _quick(spec.criterion, loop)
         found.append(replace(spec, kind="check") if slow else spec)
     for axis in ATTITUDES:
-        crossover = margins(loop.broken(axis, "actuators")).crossover
-        fast = max(_FAST, 10.0 ** (_STIFFER[True] / 20.0) * crossover)
+        # 3 dB more, as its own loads are to turn it less
+        fast = max(_FAST, 10.0**0.15 * margins(loop.broken(axis, "actuators")).crossover)
         found += [
             Spec(Crossover(axis=axis, frequency=Limit(fast, 2.0 * fast))),
             Spec(ActuatorUse(axis=axis, rate_limit=rate_limit, scale=scale), "objective"),

@@ -52,7 +52,10 @@ def cut(
         for column in one.values.T
         for known in [np.isfinite(column)]
     ]
-    ratios = [1.0 / (_median_step(time) * (rate or np.inf)) for time, _ in lines]
+    ratios = [
+        1.0 / ((np.median(np.diff(time)) if time.size > 1 else np.inf) * (rate or np.inf))
+        for time, _ in lines
+    ]
     factor = max(1 if ratio <= _FASTER else 2 * math.ceil(ratio) for ratio in ratios)
     made, short = list[Cut](), list[Part]()
     for start, stop in _spans(stretch, gaps):
@@ -84,10 +87,6 @@ def cut(
         rows = tuple(row for one in short for row in (one.first_row, one.last_row))
         findings.note("short part", text, len(short), rows, repaired=True)
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
-
-
-def _median_step(time: Real) -> float:
-    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
 def _spans(

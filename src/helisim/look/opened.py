@@ -89,13 +89,13 @@ class LogLook:
                 f"coherent with {control}, rad/s (mean coherence): {', '.join(mine[:_BEST])}"
                 for control, mine in found.items()
             ),
-            *(f"{'!' if _urgent(one) else 'note'}: {word(one)}" for one in self.findings),
+            *(
+                f"{'!' if one.remedy and not one.repaired and one.kind not in _QUIET else 'note'}: "
+                f"{word(one)}"
+                for one in self.findings
+            ),
         ]
         return "\n  ".join(lines)
-
-
-def _urgent(one: LogFinding) -> bool:
-    return bool(one.remedy) and not one.repaired and one.kind not in _QUIET
 
 
 def opened(path: Path, map_: Map, options: Options) -> LogLook:

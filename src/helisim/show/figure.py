@@ -309,7 +309,8 @@ def _shape(mark: Mark, x: Real, y: Real, top: Real | None = None) -> str:
     elif mark.kind in ("line", "dashes"):
         width = 1.3 * mark.width
         edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(np.int8)))
-        path = "".join(_line(x[a:b], y[a:b]) for a, b in zip(edges[::2], edges[1::2]))
+        points = [f"{one:.1f} {other:.1f}" for one, other in zip(x.tolist(), y.tolist())]
+        path = "".join(f"M{'L'.join(points[a:b])}" for a, b in zip(edges[::2], edges[1::2]))
     else:
         r = (_DOT - 0.4) * mark.width
         d, arc = 2.0 * r, f"a{r:.3g} {r:.3g} 0 1 0"
@@ -321,10 +322,6 @@ def _shape(mark: Mark, x: Real, y: Real, top: Real | None = None) -> str:
         }[mark.kind]
         path = "".join(f"M{a + dx:.1f} {b + dy:.1f}{sign}" for a, b in zip(x[seen], y[seen]))
     return f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
-
-
-def _line(x: Real, y: Real) -> str:
-    return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist()))
 
 
 def _rectangle(style: str, x: float, y: float, width: float, height: float) -> str:
