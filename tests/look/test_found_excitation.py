@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from command import said
 from helisim.logs import Column
 from helisim.logs.source import Topics
 from helisim.look.channels import SeenClock, guess, named
-from helisim.look.excitation import FoundExcitation, answers, excitation
+from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, excitation, loops
 from helisim.records.record import CHANNELS, Channel, FlightRecord
 from tabled import tabled
 
@@ -125,6 +126,18 @@ def test_an_answer_has_the_band_that_is_excited_and_sampled(low, high, rates, ba
     assert len(found) == (band is not None)
     for one in found:
         assert (one.low, one.high) == pytest.approx(band, abs=0.315)  # of lines that are so far off
+
+
+@tabled("fed_back", "more", "rates", "told")
+def test_a_closed_loop_is_told_by_what_the_stick_does_not_explain(fed_back, more, rates, told):
+    """Of LAT - k gust it leaves k^2 / (1 + k^2); gust + m noise has 1 / (1 + m^2) in common."""
+    stick, gust, noise = np.random.default_rng(0).standard_normal((3, 20_000))
+    p = gust + more * noise
+    columns = np.column_stack([stick, stick - fed_back * gust, p])
+    channels = tuple(Channel(name, CHANNELS[name].unit, "OTHER") for name in ("LAT", "lat", "p"))
+    record = FlightRecord(np.arange(20_000) / 50.0, columns, channels, {})
+    found = loops(record, [FoundAnswer("lat", "p", 2.0, 20.0, 0.9, "tf:0/1")], rates)
+    assert [said(one) for one in found] == (["--reference LAT"] if told else [])
 
 
 def test_a_record_of_too_few_samples_answers_nothing():
