@@ -1,7 +1,9 @@
 """Laws of every kind: read as written, tuned, linear as they fly, started where servos stand."""
 
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,15 +189,7 @@ FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "f
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    (tmp_path / "law.toml").write_text(
-        """kind = "attitude_command"
-version = 1
-phase = 0.365
-lat = { stick = 0.6, frequency = 6.0, k_angle = 0.6, k_rate = 0.05, k_integral = 0.3 }
-lon = { stick = 0.6, frequency = 6.0, k_angle = 1.0, k_rate = 0.1, k_integral = 0.3 }
-ped = { stick = 3.0, frequency = 8.0, k_angle = 1.0, k_rate = 0.2, k_integral = 0.5 }
-"""
-    )
+    shutil.copy(Path(__file__).with_name("law.toml"), tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -1,6 +1,7 @@
 """Blackbox logs: every value that was written is read, and what is lost is said."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -365,29 +366,7 @@ def test_unknown_fields_and_clocks_are_listed(tmp_path):
             wanted()
 
 
-DUMP = """# version
-# Rotorflight / STM32F7X2 (S7X2) 4.6.0 Jun 28 2026 / 10:20:07 (b92aac0) MSP API: 12.9
-batch start
-servo 1 1500 -700 700 500 500 333 0 0
-mixer input SR 1000 -1250 1250
-set swash_type = 120
-set blackbox_rate_denom = 4
-set name = a = b
-
-profile 0
-set roll_p_gain = 60
-
-profile 1
-set roll_p_gain = 70
-# restore original profile selection
-profile 0
-
-rateprofile 1
-set roll_rc_rate = 20
-# restore original rateprofile selection
-rateprofile 0
-save
-"""
+DUMP = Path(__file__).with_name("dump.txt").read_text()
 
 
 def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
