@@ -1,29 +1,18 @@
 """Logs of a helicopter that is known exactly, flown by an ArduCopter-heli's law."""
 
+from pathlib import Path
+
 import numpy as np
 from scipy.linalg import expm
 from scipy.signal import butter, lfilter
 
+from command import parm_file
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.look.sweeps import SID_AXES
 from sid_logs import SidLog, _system, chirp
 
-RATE = 100.0
-PARAMETERS = {
-    "SCHED_LOOP_RATE": RATE,
-    "INS_GYRO_FILTER": 0.0,
-    "ATC_INPUT_TC": 0.2,
-    "ATC_RATE_FF_ENAB": 1.0,
-    **{f"ATC_ANG_{word}_P": 3.0 for word in ("RLL", "PIT", "YAW")},
-    **{
-        f"ATC_RAT_{word}_{name}": value
-        for word, p in (("RLL", 0.2), ("PIT", 0.15), ("YAW", 0.08))
-        for name, value in {
-            "P": p, "I": 0.05, "D": 0.0, "FF": 0.1, "D_FF": 0.0, "FLTT": 20.0, "FLTE": 0.0,
-            "FLTD": 0.0, "IMAX": 1.0, "ILMI": 1.0,
-        }.items()
-    },
-}  # fmt: skip
+PARAMETERS = parm_file(Path(__file__).with_suffix(".parm"))
+RATE = PARAMETERS["SCHED_LOOP_RATE"]
 LAW = ArduCopterLaw.of(PARAMETERS)
 SWEEP = {"low": 0.5, "high": 8.0, "length": 24.0}
 OUTPUTS = ("p", "q", "r", "phi", "theta", "psi")
