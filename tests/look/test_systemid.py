@@ -109,8 +109,10 @@ def test_a_sweep_that_was_stopped_or_whose_settings_were_dropped_is_used(tmp_pat
     assert told.high == pytest.approx(HZ * frequency[1200], rel=0.01)
     assert sweep.stop == pytest.approx(told.stop, abs=0.1)
     log = SidLog().sweep(12, **SHORT)
-    for time, wrong in ((4.0, 1e9), (5.0, 0.0)):  # of damaged bytes
-        log.write(5, round(1e6 * (10.0 + time)), time, 0.0, wrong, *6 * [0.0])
+    swept = max(log.messages, key=len)
+    rows = np.frombuffer(swept, np.uint8).reshape(1600, -1).copy()
+    rows[[400, 500], 19:23] = np.array([[1e9], [0.0]], "<f4").view(np.uint8)  # damage to SIDD's F
+    log.messages[log.messages.index(swept)] = rows.tobytes()
     assert infer(log.save(tmp_path)).logs[0].sweeps == (told,)
 
 
