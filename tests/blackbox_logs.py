@@ -84,6 +84,8 @@ GPS: dict[str, Field] = {
 _LINES = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").splitlines()
 HEADER: dict[str, str] = dict(line.split(":", 1) for line in _LINES)
 """Parameters of a log of Rotorflight 4.6.0: 1 kHz PID loop, logged at 125 Hz."""
+DUMP = Path(__file__).with_name("blackbox_dump.txt").read_text(encoding="utf-8")
+"""What its command line prints of `dump`."""
 
 
 @lru_cache(maxsize=1 << 16)

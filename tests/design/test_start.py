@@ -362,15 +362,13 @@ class Line:
         return None if falls else Trial(at, at[0] - np.take(self.models, which), at[0] ** 2)
 
 
-@tabled("models", "most", "gain", "kept", "designed_with")
-def test_the_worst_model_is_designed_with_and_the_margin_kept(
-    models, most, gain, kept, designed_with
-):
+@tabled("models", "most", "gain", "kept", "used")
+def test_the_worst_model_is_designed_with_and_the_margin_kept(models, most, gain, kept, used):
     search = Search(Line(models, most), margin=0.1, seed=1, tell=lambda _: None)
     found, margin = search.run()
     # goals may be missed by 1e-3, and 2e-3 is the descent's least step
     assert (found[0], margin) == (pytest.approx(gain, abs=4e-3), pytest.approx(kept, abs=2e-3))
-    assert search.models == designed_with
+    assert search.models == used
 
 
 @pytest.mark.slow

@@ -126,9 +126,7 @@ def test_a_rotor_turns_as_its_helicopter_s():
 
 
 @tabled("degrees", "charged", "faded", "lost", "most")
-def test_errors_and_offsets_follow_collective_by_the_firmware_s_tables(
-    degrees, charged, faded, lost, most
-):
+def test_errors_and_offsets_follow_collective(degrees, charged, faded, lost, most):
     roll = replace(ROLL, o=50.0, error_decay_time=250.0)
     loops = Loops(replace(LAW, roll=roll, collective=replace(COL, centre=math.radians(degrees))))
     at = [loops.at(kernel.ROLL, name) for name in ("error", "offset", "saturated")]

@@ -1,7 +1,6 @@
 """Blackbox logs: every value that was written is read, and what is lost is said."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -366,12 +365,9 @@ def test_unknown_fields_and_clocks_are_listed(tmp_path):
             wanted()
 
 
-DUMP = Path(__file__).with_name("dump.txt").read_text()
-
-
 def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
     path = tmp_path / "dump.txt"
-    path.write_text(DUMP)
+    path.write_text(written.DUMP)
     found = read_dump(path)
     assert dict(found) == {
         "servo 1": "1500 -700 700 500 500 333 0 0",
@@ -381,6 +377,6 @@ def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
         "name": "a = b",
         "roll_p_gain": "60",
     }
-    path.write_text(re.sub("set|servo|mixer", "x", DUMP))
+    path.write_text(re.sub("set|servo|mixer", "x", written.DUMP))
     with pytest.raises(StorageError, match="no setting in it, such as 'set roll_p_gain = 50'"):
         read_dump(path)

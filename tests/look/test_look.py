@@ -41,11 +41,7 @@ def rolled(duration=60.0, fine=1000.0, seed=0):
     lat += 0.002 * np.random.default_rng(seed).standard_normal(t.size // 20).repeat(20)
     late = np.interp(t - DELAY, t, lat)
     decay = np.exp(-DAMPING / fine)
-    p = np.empty(t.size)
-    now = 0.0
-    for k, value in enumerate(late.tolist()):
-        p[k] = now
-        now = decay * now + (1.0 - decay) * GAIN / DAMPING * value
+    p = lfilter([0.0, (1.0 - decay) * GAIN / DAMPING], [1.0, -decay], late)
     return t, lat, p, np.cumsum(p) / fine
 
 
@@ -194,11 +190,10 @@ def test_a_closed_loop_is_told(tmp_path):
     inside = np.clip((t - 5.0) / 70.0, 0.0, 1.0)
     stick = 0.1 * np.sin(35.0 / np.log(40.0) * (40.0**inside - 1.0)) * ((t > 5.0) & (t < 75.0))
     for gust, told in ((8.0, True), (0.0, False)):
-        p, control, now = np.empty(t.size), np.empty(t.size), 0.0
-        for k, push in enumerate(gust * random.standard_normal(t.size)):
-            p[k], control[k] = now, stick[k] - 0.08 * now
-            now += 0.01 * (-2.0 * now + 60.0 * control[k] + push)
-        columns = np.column_stack([t, stick, control, p])
+        push = gust * random.standard_normal(t.size)
+        # dp/dt = -2 p + 60 (stick - 0.08 p) + push
+        p = lfilter([0.0, 0.01], [1.0, -1.0 + 0.01 * (2.0 + 4.8)], 60.0 * stick + push)
+        columns = np.column_stack([t, stick, stick - 0.08 * p, p])
         path = tmp_path / f"gust{gust:g}.csv"
         header = "t [s],LAT [1],lat [1],p [rad/s]"
         np.savetxt(path, columns, delimiter=",", header=header, comments="")

@@ -264,11 +264,14 @@ def test_steps_that_alternate_are_no_dropped_messages():
     assert missing == pytest.approx(89 / 1000, rel=0.02)
 
 
+def tail(low, high):
+    ends = {"FUNCTION": 36.0, "MIN": low, "TRIM": 1500.0, "MAX": high}
+    return {f"SERVO4_{name}": value for name, value in ends.items()}
+
+
 def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
     """By hand: 450 and 550 us; 0.0019 of 4500 is 8, of 550 us 0.98, which is none."""
-    parameters = {
-        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1050.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2050.0
-    }  # fmt: skip
+    parameters = tail(1050.0, 2050.0)
     travel = tail_servo(parameters)
     assert travel == (550.0, 450.0)
     sent = sent_yaw(np.array([0.0, 0.0019, 0.0039, -0.0039, 1.0, -1.0]), travel)
@@ -280,9 +283,7 @@ def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
 
 
 def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
-    parameters = {
-        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1000.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2000.0
-    }  # fmt: skip
+    parameters = tail(1000.0, 2000.0)
     log = SidLog(parameters=parameters).sweep(12, magnitude=0.01, pulses=500.0, **SHORT)
     found = infer(log.save(tmp_path))
     assert "ped = RATE.YOut as sent" in str(found)

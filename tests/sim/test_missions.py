@@ -456,13 +456,9 @@ def test_everyday_flying_is_as_large_and_as_fast_as_asked():
 
 
 @pytest.mark.slow
-def test_everyday_flying_moves_every_stick_and_is_another_one_for_each_seed(jr700):
-    """At the end it is in the field, where it holds its height."""
-    mission = hs.missions.Everyday(duration=40.0)
-    plan = hs.FlightPlan(mission=mission, pilot=CALM)
-    flight, again = (next(simulate(jr700, plan, seed=1, jobs=1)) for _ in range(2))
-    (other,) = simulate(jr700, plan, seed=11, jobs=1)
-    np.testing.assert_array_equal(flight.sticks, again.sticks)
+def test_everyday_flying_ends_in_the_field_and_is_another_one_for_each_seed(jr700):
+    plan = hs.FlightPlan(mission=hs.missions.Everyday(duration=40.0), pilot=CALM)
+    flight, other = (next(simulate(jr700, plan, seed=seed, jobs=1)) for seed in (1, 11))
     assert flight.script.finished
     assert flight.script.phases != other.script.phases
     assert np.ptp(flight.sticks, axis=0).min() > 0.04
