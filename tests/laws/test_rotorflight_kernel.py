@@ -75,6 +75,9 @@ def test_filters_are_the_bilinear_ones(cutoff):
     share, _, left = filters.pt1(cutoff, PERIOD)
     assert share == pytest.approx(cutoff / (cutoff + 1.0 / (2.0 * math.pi * PERIOD)))
     assert left == pytest.approx(share - 1.0)
+    # filter.c limits a cutoff to 0.475 of the loops' rate, of a slope to half of that
+    for made, most in ((filters.lowpass, 475.0), (filters.pt1, 475.0), (filters.slope, 237.5)):
+        assert made(20.0 * cutoff + 500.0, PERIOD) == pytest.approx(made(most, PERIOD))
 
 
 def test_d_is_of_the_rate_and_b_of_the_setpoint():
@@ -159,13 +162,15 @@ def test_it_starts_where_its_filters_have_long_had_the_motion():
     loops = Loops(replace(law, smoothing=20.0, gyro_lowpass=100.0, notches=notches))
     seen = STILL._replace(p=0.3, q=0.2, r=-0.1, LAT=0.2, LON=-0.1, PED=0.3)
     kernel.COMPILED.reset(seen, loops.state, loops.settings)
-    for _ in range(20):
-        p, _, d, f, b, _ = loops(*np.degrees([0.3, -0.2, 0.1]), LAT=0.2, LON=-0.1, PED=0.3).T
+    for k in range(20):
+        p, i, d, f, b, _ = loops(*np.degrees([0.3, -0.2, 0.1]), LAT=0.2, LON=-0.1, PED=0.3).T
         assert [*d, *b] == pytest.approx([0.0] * 6, abs=1e-9)
         wanted = np.array([240.0 * (0.6 * one + 0.4 * one**3) for one in (0.4, 0.2, -0.6)])
         assert f == pytest.approx(2.5e-2 * np.array([100.0, 100.0, 0.0]) * wanted, rel=1e-9)
         off = wanted - np.degrees([0.3, -0.2, 0.1])
         assert p == pytest.approx([*(0.333333 * off[:2]), 5.333333 * 0.8 * off[2]], rel=1e-5)
+        # I of 20 counts a degree; turning with 0.1 rad/s mixes 2e-3 of roll and pitch
+        assert i[:2] == pytest.approx(20.0 * PERIOD * (k + 1.0) * off[:2], rel=5e-3)
 
 
 def test_relax_a_notch_and_precompensation():

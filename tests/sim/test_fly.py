@@ -61,9 +61,7 @@ def test_provenance_repeats_the_flight(jr700, three):
     assert set(kept["versions"]) >= {"mujoco", "numpy", "numba"}
 
 
-@pytest.mark.parametrize(
-    ("name", "bad"), [("count", 0), ("count", -1), ("count", 1.5), ("jobs", 0), ("seed", -1)]
-)
+@tabled("name", "bad")
 def test_bad_arguments_are_refused(jr700, name, bad):
     with pytest.raises(InputError, match=rf"{name} must be an integer of \d or more, got {bad}"):
         fly(jr700, SHORT, **{name: bad})

@@ -106,6 +106,14 @@ def test_a_turn_has_its_rate_and_twice_that_a_second(angle, rate):
     assert len(seen) == math.ceil((abs(angle) / rate + 0.25 * math.pi) / 0.002)
 
 
+@pytest.mark.parametrize(("axis", "heading"), [("ped", 1.2), ("lat", 0.0)])
+def test_after_a_push_of_the_pedals_the_heading_is_kept_that_it_then_has(axis, heading):
+    pilot = grounded(0.02)
+    pilot.seen.motion.psi = 1.2
+    assert [pilot.wanted.pushed for _ in pilot.push(axis, 0.1, 0.1)][-1].count(0.1) == 1
+    assert (pilot.wanted.heading, pilot.wanted.pushed) == (heading, (0.0,) * 4)
+
+
 def test_a_script_that_wants_no_number_or_raises_ends_its_flight(jr700):
     with pytest.raises(DivergedError, match=r"mission 'lost' wants north = nan at 0\.5"):
         hs.fly(jr700, Lost(), seed=1)
@@ -415,9 +423,7 @@ def test_sweep_is_written_as_asked(par):
     assert (par[PARAM.sweep_w_min], par[PARAM.sweep_w_max]) == (1.0, 20.0)
 
 
-@pytest.mark.parametrize(
-    ("period", "trim", "periods"), [(4.0, 5.0, 4), (8.0, 5.0, 2), (10.0, 2.0, 2), (11.0, 2.0, 2)]
-)
+@tabled("period", "trim", "periods")
 def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, trim, periods):
     usual = {"axis": "lat", "amplitude": 0.03, "band": (0.1, 20.0), "duration": 26.0}
     wave = Multisine(**usual, period=period, trim_time=trim)
