@@ -133,8 +133,7 @@ def test_errors_and_offsets_follow_collective(degrees, charged, faded, lost, mos
     roll = replace(ROLL, o=50.0, error_decay_time=250.0)
     loops = Loops(replace(LAW, roll=roll, collective=replace(COL, centre=math.radians(degrees))))
     at = [loops.at(kernel.ROLL, name) for name in ("error", "offset", "saturated")]
-    share = degrees / 12.0
-    to_it = math.copysign(1.0, share)
+    share, to_it = degrees / 12.0, math.copysign(1.0, degrees)
     loops()  # collective is that of the loop before
     for error, offset in ((0.1, 0.2), (40.0, -80.0)):
         loops.state[at] = error, offset, 0.0

@@ -222,6 +222,8 @@ def test_vehicles_and_logs_choose_the_structures(tmp_path):
     assert [record.names[-2:] for record in records] == [("mixer_roll", "mixer_pitch")] * 2
     assert records[0]["mixer_roll"].any()
     assert not records[1]["mixer_roll"].any()
+    slips = SidLog().sweep(10, slip=True, **SHORT).sweep(12, slip=True, **SHORT)
+    assert infer(slips.save(tmp_path)).fits[-1].conditioning == ("v_dot",)
     log = SidLog(parameters={"FRAME_CLASS": 1.0}).sweep(10, **SHORT).sweep(11, **SHORT)
     found = infer(log.save(tmp_path))
     expected = [("tf:0/2", ("lat",)), ("tf:0/2", ("lon",))]

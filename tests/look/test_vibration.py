@@ -136,8 +136,7 @@ def test_a_blackbox_log_tells_tones_by_its_speeds_and_the_lag_of_its_filters(tmp
         assert tones[name].now / tones[name].logged == pytest.approx(passed, rel=0.05)
         assert tones[name].left is None
         # a law that takes angles, the integrals of rates, for commands
-        turned = tones[name].now / (2.0 * math.pi * tones[name].frequency)
-        assert tones[name].felt == pytest.approx(turned, rel=1e-9)
+        assert tones[name].felt == pytest.approx(tones[name].now / tones[name].frequency / math.tau)
     assert tones["1/rev of tail"].axis == "r"
     # counts of 1 deg/s of both gyros: the phase of 60 s' average is off by a few percent
     (lag,) = found.lag(20.0)
