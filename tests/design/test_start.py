@@ -330,7 +330,7 @@ def test_a_result_says_what_is_missed_and_by_how_many_models():
 def test_an_unstable_start_is_made_stable_first():
     found = designed(law=SmallLaw().replace({"lat.k_rate": 0.9, "lon.k_rate": 1.1}))
     assert found.judged[0].before is None
-    assert all(one.nominal.level == 1 for one in found.judged)
+    assert {(one.nominal.level, one.share) for one in found.judged} == {(1, 1.0)}
 
 
 def test_a_model_that_no_gain_stabilises_is_said_so():
