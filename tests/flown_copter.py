@@ -60,10 +60,10 @@ class Flown(SidLog):
         self._write(axis, time, targ, frequency, rows)
         return self
 
-    def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False):
+    def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False, count=24):
         random = np.random.default_rng(3)
         asked = [np.zeros((500, 3))]
-        for k in (k for row in axes for k in [row] * 24):
+        for k in (k for row in axes for k in [row] * count):
             step = size * random.uniform(0.7, 1.3) * (-1.0) ** len(asked)
             asked += [np.tile(step * np.eye(3)[k], (random.integers(60, 160), 1))]
             asked += [np.zeros((random.integers(60, 120), 3))]

@@ -17,7 +17,7 @@ def told(log, folder):
 
 def test_steps_of_sticks_tell_rates_and_attitudes_over_commands(tmp_path):
     """Without noise within 1 %, the least error stated, of what moves an axis itself."""
-    found = told(Flown().steps(), tmp_path)
+    found = told(Flown().steps(count=16), tmp_path)
     frequency = np.geomspace(1.5, 39.0, 40)
     exact = Plant().response(frequency)
     off = np.abs(found.response(frequency) - exact)
@@ -35,7 +35,7 @@ def test_steps_of_sticks_tell_rates_and_attitudes_over_commands(tmp_path):
 
 def test_what_lies_or_moves_for_less_than_10_s_does_not_count(tmp_path):
     """Steps from 15 s, of roll alone; 3 s beside lift-off (28) and landing (18) are none."""
-    log = Flown().steps(axes=(0,))
+    log = Flown().steps(axes=(0,), count=16)
     flown, end = log.messages, 1e-6 * log.us - 9.0  # the last is held and left for 3 s at most
     short = (LogError, "no target of attitude .* moves in flight for 10 s")
     for event, at, (error, said) in (
