@@ -5,6 +5,7 @@ Fields as in `blackbox.c` of Rotorflight 4.6.0; encodings as in the firmware's o
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -80,34 +81,11 @@ GPS: dict[str, Field] = {
     **_like(_each(2, "GPS_coord"), 1, HOME, SIGNED_VB),
     **_like(("GPS_altitude", "GPS_speed", "GPS_ground_course"), *_UNSIGNED),
 }
-HEADER: dict[str, str] = {
-    "Firmware type": "Rotorflight",
-    "Firmware revision": "Rotorflight 4.6.0 (b92aac0) STM32F7X2",
-    "Firmware date": "Jun 28 2026 10:20:07",
-    "Log start datetime": "2026-07-01T12:00:00.000+00:00",
-    "Craft name": "heli",
-    "I interval": "32",
-    "P interval": "8",
-    "P ratio": "4",
-    "gyro_scale": "0x3f800000",
-    "acc_1G": "2048",
-    "vbatref": "4440",
-    "looptime": "125",
-    "gyro_sync_denom": "1",
-    "pid_process_denom": "8",
-    "filter_process_denom": "1",
-    "rollPID": "50,100,0,100,0",
-    "pitchPID": "50,100,40,100,0",
-    "yawPID": "80,120,10,0,0",
-    "rollBW": "50,15,15",
-    "pitchBW": "50,15,15",
-    "yawBW": "100,20,20",
-    "yaw_stop_gain": "120,80",
-    "hsi_gain": "50,50",
-    "minthrottle": "1070",
-    "maxthrottle": "2000",
-}
+_LINES = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").splitlines()
+HEADER: dict[str, str] = dict(line.split(":", 1) for line in _LINES)
 """Parameters of a log of Rotorflight 4.6.0: 1 kHz PID loop, logged at 125 Hz."""
+DUMP = Path(__file__).with_name("blackbox_dump.txt").read_text(encoding="utf-8")
+"""What its command line prints of `dump`."""
 
 
 @lru_cache(maxsize=1 << 16)

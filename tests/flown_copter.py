@@ -1,29 +1,18 @@
 """Logs of a helicopter that is known exactly, flown by an ArduCopter-heli's law."""
 
+from pathlib import Path
+
 import numpy as np
 from scipy.linalg import expm
 from scipy.signal import butter, lfilter
 
+from command import parm_file
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.look.sweeps import SID_AXES
 from sid_logs import SidLog, _system, chirp
 
-RATE = 100.0
-PARAMETERS = {
-    "SCHED_LOOP_RATE": RATE,
-    "INS_GYRO_FILTER": 0.0,
-    "ATC_INPUT_TC": 0.2,
-    "ATC_RATE_FF_ENAB": 1.0,
-    **{f"ATC_ANG_{word}_P": 3.0 for word in ("RLL", "PIT", "YAW")},
-    **{
-        f"ATC_RAT_{word}_{name}": value
-        for word, p in (("RLL", 0.2), ("PIT", 0.15), ("YAW", 0.08))
-        for name, value in {
-            "P": p, "I": 0.05, "D": 0.0, "FF": 0.1, "D_FF": 0.0, "FLTT": 20.0, "FLTE": 0.0,
-            "FLTD": 0.0, "IMAX": 1.0, "ILMI": 1.0,
-        }.items()
-    },
-}  # fmt: skip
+PARAMETERS = parm_file(Path(__file__).with_suffix(".parm"))
+RATE = PARAMETERS["SCHED_LOOP_RATE"]
 LAW = ArduCopterLaw.of(PARAMETERS)
 SWEEP = {"low": 0.5, "high": 8.0, "length": 24.0}
 OUTPUTS = ("p", "q", "r", "phi", "theta", "psi")
@@ -71,10 +60,10 @@ class Flown(SidLog):
         self._write(axis, time, targ, frequency, rows)
         return self
 
-    def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False):
+    def steps(self, size=0.15, gusts=0.0, axes=(0, 1, 2), twice=False, count=24):
         random = np.random.default_rng(3)
         asked = [np.zeros((500, 3))]
-        for k in (k for row in axes for k in [row] * 24):
+        for k in (k for row in axes for k in [row] * count):
             step = size * random.uniform(0.7, 1.3) * (-1.0) ** len(asked)
             asked += [np.tile(step * np.eye(3)[k], (random.integers(60, 160), 1))]
             asked += [np.zeros((random.integers(60, 120), 3))]

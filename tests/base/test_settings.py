@@ -204,11 +204,7 @@ def test_a_notation_is_read():
     assert settings.parse_notation("step", PARTS, given={"at": 2.0}) == Step(at=2.0)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["stp", "step,at", "step,at=", "step,at=x", "step,at=nan", "step,at=1,at=2", "step,size.x=1",
-     "plan,gust.riser=1", "plan,gust=1,gust.down=2", "", ",", "step,=1"],
-)  # fmt: skip
+@tabled("text")
 def test_a_wrong_notation_is_refused(text):
     with pytest.raises(InputError):
         settings.parse_notation(text, {**PARTS, "Plan": Plan})

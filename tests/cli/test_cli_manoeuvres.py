@@ -1,9 +1,11 @@
 """Manoeuvres, missions and grounds on the command line, and flights beside an autopilot."""
 
+import shutil
 import signal
 import socket
 import threading
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -38,17 +40,7 @@ def test_settings_are_numbers_lists_and_texts_and_plans_nest_parts(planned, tmp_
     assert planned("--excitation", "chirp,band=1:30", *general) == wanted
     given = planned("--excitation", "multisine,axis=lat+ped,amplitude=0.05:0.01,period=10")
     assert (given.axis, given.amplitude, given.period) == ("lat+ped", (0.05, 0.01), 10.0)
-    text = """
-    [excitation]
-    kind = "Sequence"
-    pause = 0.5
-    parts = [
-        { kind = "Together", parts = [
-            { kind = "Step", axis = "lat", duration = 3 },
-            { kind = "Pulse", axis = "ped", duration = 3 } ] },
-        { kind = "Doublet", axis = "lon" } ]
-    """
-    (tmp_path / "plan.toml").write_text(text)
+    shutil.copy(Path(__file__).with_name("sequence.toml"), tmp_path / "plan.toml")
     assert planned("--plan", "plan.toml").duration == 11.5
     assert main(["fly", "--plan", "plan.toml", "--out", "flown.parquet", "--quiet"]) == 0
     assert read_record("flown.parquet").duration == pytest.approx(11.5, abs=0.01)

@@ -79,13 +79,8 @@ def test_angles_turn_as_euler_angles_do():
         )
 
 
-def test_nothing_to_begin_at_is_refused(yaw):
-    stick = ident.identify(
-        ident.FrequencyResponse.exact(
-            OMEGA, yaw.response(OMEGA).response, inputs=["PED"], outputs=["r"]
-        ),
-        ident.structures.yaw_base.renamed({"ped": "PED"}),
-    )
+def test_nothing_to_begin_at_is_refused():
+    stick = fitted(ident.structures.yaw_base.renamed({"ped": "PED"}), **TRUE)
     with pytest.raises(InputError, match=r"servo command \(col, lon, lat, ped\).*PED"):
         Plant((stick,))
 

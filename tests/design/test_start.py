@@ -19,6 +19,7 @@ from helisim.design.problem import (
     Free,
     InfeasibleError,
     Problem,
+    Search,
     UnstableError,
     _told,
     distance,
@@ -330,12 +331,45 @@ def test_a_result_says_what_is_missed_and_by_how_many_models():
 def test_an_unstable_start_is_made_stable_first():
     found = designed(law=SmallLaw().replace({"lat.k_rate": 0.9, "lon.k_rate": 1.1}))
     assert found.judged[0].before is None
-    assert all(one.nominal.level == 1 for one in found.judged)
+    assert {(one.nominal.level, one.share) for one in found.judged} == {(1, 1.0)}
 
 
 def test_a_model_that_no_gain_stabilises_is_said_so():
+    falls = Problem(SmallLaw(), small_specs(), (SmallPlant(damping=(-30.0, 7.0)),), FREE, PERIOD)
+    assert falls.trial(falls.start, (0,)) is None
     with pytest.raises(UnstableError, match=r"a pole stays at \+.* rad/s"):
         designed(plant=SmallPlant(damping=(-30.0, 7.0)))
+
+
+@dataclass
+class Line:
+    """A gain x of a cost x^2, in models that are stable above half of what they ask of it."""
+
+    models: tuple[float, ...]
+    most: float = 4.0
+    free = widened = np.array([True])
+
+    def __post_init__(self):
+        self.start, self.box = np.array([0.5]), (np.array([0.0]), np.array([self.most]))
+
+    def of_kind(self, *kinds):
+        return np.array(["soft" in kinds])
+
+    def loops(self, at, which):
+        return [SimpleNamespace(poles=0.5 * self.models[k] - at) for k in which]
+
+    def trial(self, at, which, near=False):
+        falls = not near and any(growth(loop) > 0.0 for loop in self.loops(at, which))
+        return None if falls else Trial(at, at[0] - np.take(self.models, which), at[0] ** 2)
+
+
+@tabled("models", "most", "gain", "kept", "used")
+def test_the_worst_model_is_designed_with_and_the_margin_kept(models, most, gain, kept, used):
+    search = Search(Line(models, most), margin=0.1, seed=1, tell=lambda _: None)
+    found, margin = search.run()
+    # goals may be missed by 1e-3, and 2e-3 is the descent's least step
+    assert (found[0], margin) == (pytest.approx(gain, abs=4e-3), pytest.approx(kept, abs=2e-3))
+    assert search.models == used
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from command import parm_file
 from helisim import ident
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
@@ -263,24 +264,8 @@ def test_a_gain_that_rises_is_not_extended():
 # 10 to 12: 45 ticks of each, its RATE, PIDR, PIDP, PIDY, ANG and SIDD messages as logged: degrees,
 # of PIDs radians. Its gains then were these.
 TICKS = Path(__file__).with_name("ticks.csv")
-GAINS = {
-    "RLL": {"P": 0.06, "I": 0.105, "D": 1e-4, "FF": 0.21, "FLTE": 20.0, "ILMI": 0.1, "IMAX": 0.4},
-    "PIT": {"P": 0.024, "I": 0.095, "D": 2e-3, "FF": 0.19, "FLTE": 20.0, "ILMI": 0.1, "IMAX": 0.4},
-    "YAW": {"P": 0.24685, "I": 0.0245, "D": 0.0039, "FF": 0.0, "FLTE": 0.0, "ILMI": 0.0, "IMAX": 1},
-}
-ANGLE = {"RLL": 4.0, "PIT": 6.0, "YAW": 5.8}
-PARAMETERS = {
-    "SCHED_LOOP_RATE": 400.0,
-    "INS_GYRO_FILTER": 20.0,
-    "ATC_INPUT_TC": 0.2,
-    "ATC_RATE_FF_ENAB": 1.0,
-    **{f"ATC_ANG_{word}_P": gain for word, gain in ANGLE.items()},
-    **{
-        f"ATC_RAT_{word}_{name}": value
-        for word, gains in GAINS.items()
-        for name, value in ({"FLTT": 20.0, "FLTD": 0.0, "D_FF": 0.0} | gains).items()
-    },
-}
+PARAMETERS = parm_file(TICKS.with_suffix(".parm"))
+ANGLE = {word: PARAMETERS[f"ATC_ANG_{word}_P"] for word in ("RLL", "PIT", "YAW")}
 SINGLE = 2e-7
 """Rounding of a log's numbers, of single precision, in a sum of several."""
 

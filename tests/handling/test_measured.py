@@ -275,30 +275,8 @@ def test_a_curve_is_the_longest_band_that_is_known(doubtful, band):
         known_curve("L", frequency, response, lost)
 
 
-BANDS = {
-    # of 5 exp(-s / 20) / s: one at 5 rad/s, -180 deg at 10 pi, where the gain is 1 / (2 pi)
-    ("broken", 1.0, 60.0): {
-        "crossover": 5.0,
-        "phase_margin": 90.0 - np.degrees(0.25),
-        "gain_margin": 20.0 * np.log10(2.0 * np.pi),
-    },
-    ("broken", 1.0, 20.0): {"crossover": 5.0, "phase_margin": 90.0 - np.degrees(0.25)},
-    ("broken", 4.9, 60.0): {"gain_margin": 20.0 * np.log10(2.0 * np.pi)},
-    # of s / (s + 5): 1 / sqrt 2 at 5 rad/s, and the most at the end
-    ("disturbance", 1.0, 60.0): {"DRB": 5.0},
-    # which counts nearer than 5 % to neither end
-    **{("disturbance", 5.0 / 1.053, high): {"DRB": 5.0} for high in (60.0, 5.0 * 1.053)},
-    **{("disturbance", *ends): {} for ends in ((5.0 / 1.047, 60.0), (1.0, 5.0 * 1.047))},
-    # of exp(-s / 10) / s: -135 deg and twice the gain at half of -180 deg's 5 pi
-    ("command", 1.0, 40.0): {"bandwidth": 2.5 * np.pi, "phase_delay": 0.05},
-    ("command", 1.0, 25.0): {"bandwidth": 2.5 * np.pi},
-    ("command", 1.0, 16.0): {},
-    ("command", 7.6, 40.0): {"phase_delay": 0.05},
-}
-
-
-@pytest.mark.parametrize(("kind", "low", "high"), BANDS)
-def test_figures_are_told_where_the_band_shows_them(kind, low, high):
+@tabled("kind", "low", "high", "expected")
+def test_figures_are_told_where_the_band_shows_them(kind, low, high, expected):
     frequency = np.geomspace(low, high, 300)
     s = 1j * frequency
     response = {
@@ -311,7 +289,7 @@ def test_figures_are_told_where_the_band_shows_them(kind, low, high):
     )
     told = {name: value for name, value in found.items() if np.isfinite(value)}
     # straight lines between points 1 % apart
-    assert told == pytest.approx(BANDS[kind, low, high], rel=1e-4)
+    assert told == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, -0.5])

@@ -33,25 +33,12 @@ def curve(response, frequency=FINE):
 
 
 Z = np.exp(0.1j * np.geomspace(0.5, 31.0, 2000))
-PRINTED = {
-    # Ogata, Modern Control Engineering, 5th edition, 2010, chapter 7, MATLAB's margins of
-    # G = 20 (s + 1) / (s (s + 5) (s^2 + 2 s + 10))
-    "a textbook's": (
-        curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0))),
-        (9.9293, 3e-4, 4.0131, 103.6573, 5e-4, 0.4426),
-    ),
-    # The MathWorks, Control System Toolbox, reference page of `margin`, sampled at 0.1 s:
-    # a gain of 2.0517
-    "sampled": (
-        Curve(np.geomspace(0.5, 31.0, 2000), (0.04798 * Z + 0.0464) / (Z**2 - 1.81 * Z + 0.9048)),
-        (20.0 * np.log10(2.0517), 5e-4, 5.4374, 13.5711, 2e-4, 4.3544),
-    ),
-}
+TEXTBOOK = curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0)))
+SAMPLED = Curve(np.geomspace(0.5, 31.0, 2000), (0.04798 * Z + 0.0464) / (Z**2 - 1.81 * Z + 0.9048))
 
 
-@pytest.mark.parametrize("name", PRINTED)
-def test_margins_are_the_printed_ones(name):
-    loop, (size, within, where, angle, digits, crossover) = PRINTED[name]
+@tabled("loop", "size", "within", "where", "angle", "digits", "crossover")
+def test_margins_are_the_printed_ones(loop, size, within, where, angle, digits, crossover):
     found = margins(loop)
     ((turn, gain),), ((one, phase),) = found.gain, found.phase
     assert gain == pytest.approx(size, abs=within)

@@ -249,38 +249,9 @@ def test_times_frequencies_and_sizes_are_above_0(criterion):
 
 
 RIGHT_ANGLE = 0.5 * np.pi
-PRINTED = [
-    # MIL-DTL-9490E, 3.1.3.6.1: 6 dB, 45 deg; half of it is a choice of ours
-    (criteria.StabilityMargins, {}, (6.0, 3.0), (RIGHT_ANGLE / 2.0, RIGHT_ANGLE / 4.0)),
-    # Blanken, Tischler, Lusardi and Ivler, 2014: rad/s by axis, 5 dB; where Level 2 ends is ours
-    *(
-        (criteria.DisturbanceRejection, {"axis": axis}, (drb, drb / 2.0), (5.0, 8.0))
-        for axis, drb in {"roll": 0.9, "pitch": 0.5, "yaw": 0.7, "heave": 1.0}.items()
-    ),
-    # ADS-33E-PRF, 3.3.2.1 and 3.3.5.1, figures 5 and 9 at small phase delay
-    *(
-        (criteria.AttitudeBandwidth, {"axis": axis, "task": task}, border, (0.2, 0.3))
-        for task, borders in {
-            "other": {"roll": (1.0, 0.5), "pitch": (1.0, 0.5), "yaw": (2.0, 0.5)},
-            "other_divided": dict.fromkeys(("roll", "pitch", "yaw"), (2.0, 0.5)),
-            "target_acquisition": {"roll": (2.5, 1.0), "pitch": (2.0, 1.0), "yaw": (3.5, 2.0)},
-        }.items()
-        for axis, border in borders.items()
-    ),
-    # 3.3.9.2 within 4 s; 3.3.2.3 and 3.3.5.2 from 0.5 rad/s
-    (criteria.Coupling, {"after": 4.0}, (0.25, 0.60)),
-    (criteria.Damping, {"low": 0.5}, (0.35, 0.19)),
-    # choices of ours: a pole that doubles in 14 s; a third of travel and rate by 1 deg and 1 rad/s
-    (criteria.PoleLimits, {}, (1e-3, 0.05)),
-    (
-        criteria.ActuatorUse,
-        {"rms": np.radians(1.0), "corner": 1.0, "travel": 0.5, "rate_limit": 4.0},
-        *2 * [(1.0 / 3.0, 1.0)],
-    ),
-]
 
 
-@pytest.mark.parametrize(("kind", "settings", "borders"), [(a, b, c) for a, b, *c in PRINTED])
+@tabled("kind", "settings", "borders")
 def test_borders_are_those_of_the_documents(kind, settings, borders):
     least = {} if kind in (criteria.Damping, criteria.PoleLimits) else {"axis": "lat"}
     found = kind(**least | settings)
@@ -291,30 +262,14 @@ def test_borders_are_those_of_the_documents(kind, settings, borders):
         assert getattr(usual, name) == settings[name]
 
 
-QUICKNESS = {  # change of attitude, deg, where Levels 1 and 2 end, 1/s
-    "pitch": [
-        *((6.0, 1.56, 0.42), (7.5, 1.5, 0.416), (12.5, 1.326, 0.393), (17.5, 1.178, 0.379)),
-        *((22.5, 1.069, 0.367), (27.5, 0.979, 0.349), (30.0, 0.947, 0.345)),
-    ],
-    "roll": [
-        *((10.2, 2.395, 1.608), (12.5, 2.285, 1.575), (17.5, 2.067, 1.517), (25.0, 1.723, 1.423)),
-        *((34.0, 1.397, 1.313), (44.0, 1.154, 1.156), (50.0, 1.009, 1.0)),
-    ],
-    "yaw": [
-        *((10.6, 1.749, 0.593), (15.0, 1.637, 0.579), (25.0, 1.382, 0.546), (35.0, 1.208, 0.516)),
-        *((45.0, 1.132, 0.48), (55.0, 1.053, 0.444), (60.0, 1.015, 0.426)),
-    ],
-}
-
-
-@pytest.mark.parametrize("axis", QUICKNESS)
-def test_quickness_ends_where_the_digitised_figure_does(axis):
+@tabled("axis", "points")
+def test_quickness_ends_where_the_digitised_figure_does(axis, points):
     """Points of Prencipe's lines, most between those taken over: to 0.008 1/s.
 
     Between 38 and 50 degrees of roll Level 2 bends, by 0.024 1/s in the middle.
     """
     asked = criteria.AttitudeQuickness(axis=axis)
-    for degrees, *levels in QUICKNESS[axis]:
+    for degrees, *levels in points:
         found = replace(asked, change=np.radians(degrees)).limits["quickness"]
         assert found.level1 == pytest.approx(levels[0], abs=0.008)
         bends = (axis, degrees) == ("roll", 44.0)

@@ -1,7 +1,9 @@
 """Laws of every kind: read as written, tuned, linear as they fly, started where servos stand."""
 
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,6 +98,15 @@ def test_a_rate_command_flies_as_the_gyro_that_it_is_of(name):
     np.testing.assert_array_equal(*flights)
 
 
+def test_a_rate_command_has_the_filters_of_the_jr700_unless_said(jr700):
+    law = hs.RateCommand.of(jr700)
+    said, named = law.to_dict(), ("filter", "derivative_filter", "attitude_lock", "anti_windup")
+    for data, names in ((said, named), (said["ped"], ("lead_filter", "heading_lock"))):
+        for name in names:
+            data.pop(name, None)
+    assert hs.law_of(said) == law
+
+
 def test_holds_the_hover(jr700):
     """A stick's step without a pilot: the attitude that it asks for, to the remnant's 0.005."""
     held = ("k_attitude", "k_velocity", "k_position", "k_heave", "k_height", "k_heading")
@@ -178,15 +189,7 @@ FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "f
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    (tmp_path / "law.toml").write_text(
-        """kind = "attitude_command"
-version = 1
-phase = 0.365
-lat = { stick = 0.6, frequency = 6.0, k_angle = 0.6, k_rate = 0.05, k_integral = 0.3 }
-lon = { stick = 0.6, frequency = 6.0, k_angle = 1.0, k_rate = 0.1, k_integral = 0.3 }
-ped = { stick = 3.0, frequency = 8.0, k_angle = 1.0, k_rate = 0.2, k_integral = 0.5 }
-"""
-    )
+    shutil.copy(Path(__file__).with_name("law.toml"), tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -13,6 +13,7 @@ from helisim.design import laws
 from helisim.design.laws import rotorflight as filters
 from helisim.design.laws import rotorflight_kernel as kernel
 from helisim.physics.gyro import Seen
+from tabled import tabled
 
 PERIOD = 0.001
 STILL = Seen(*np.zeros(len(Seen._fields)).tolist())
@@ -38,8 +39,11 @@ class Loops:
         self.mixer = 1e3 * np.array(kernel.mixed(self.state, self.settings, wanted, *terms))
         return 1e3 * np.array(terms)
 
+    def at(self, block, name="error"):
+        return int(self.settings[block + kernel.AXIS.state]) + getattr(kernel.STATE, name)
+
     def error(self, block):
-        return self.state[int(self.settings[block + kernel.AXIS.state]) + kernel.STATE.error]
+        return self.state[self.at(block)]
 
 
 def test_gains_are_the_firmware_s():
@@ -71,6 +75,9 @@ def test_filters_are_the_bilinear_ones(cutoff):
     share, _, left = filters.pt1(cutoff, PERIOD)
     assert share == pytest.approx(cutoff / (cutoff + 1.0 / (2.0 * math.pi * PERIOD)))
     assert left == pytest.approx(share - 1.0)
+    # filter.c limits a cutoff to 0.475 of the loops' rate, of a slope to half of that
+    for made, most in ((filters.lowpass, 475.0), (filters.pt1, 475.0), (filters.slope, 237.5)):
+        assert made(20.0 * cutoff + 500.0, PERIOD) == pytest.approx(made(most, PERIOD))
 
 
 def test_d_is_of_the_rate_and_b_of_the_setpoint():
@@ -88,7 +95,7 @@ def test_d_is_of_the_rate_and_b_of_the_setpoint():
 def test_cyclic_errors_turn_with_the_yaw_rate():
     """A quarter of a turn to the left: what rolls right, about the nose, is then to pitch up."""
     loops = Loops(LAW)
-    loops.state[int(loops.settings[kernel.ROLL]) + kernel.STATE.error] = 5.0
+    loops.state[loops.at(kernel.ROLL)] = 5.0
     for _ in range(250):
         loops(yaw=360.0)
     assert loops.error(kernel.ROLL) == pytest.approx(0.0, abs=1e-9)
@@ -106,6 +113,63 @@ def test_limits_hold_the_mixer_and_stop_the_errors():
     assert loops.error(kernel.ROLL) == before > 0.0
     loops(roll=-10.0, pitch=-10.0)
     assert loops.error(kernel.ROLL) == pytest.approx(before + 10.0 * PERIOD)
+
+
+@tabled("name", "roll", "pitch", "yaw", "whole")
+def test_defaults_are_the_firmware_s(jr700, name, roll, pitch, yaw, whole):
+    law = hs.Rotorflight.of(jr700)
+    found = [getattr(one, name, None) for one in (law.roll, law.pitch, law.yaw, law)]
+    assert found == [roll, pitch, yaw, whole]
+
+
+def test_a_rotor_turns_as_its_helicopter_s():
+    """Seen from above a Lynx's turns anticlockwise: Padfield, Helicopter Flight Dynamics."""
+    turns = [hs.Rotorflight.of(hs.load(name)).rotor for name in ("jr700", "lynx", "blade360")]
+    assert turns == ["cw", "ccw", "cw"]
+
+
+@tabled("degrees", "charged", "faded", "lost", "most")
+def test_errors_and_offsets_follow_collective(degrees, charged, faded, lost, most):
+    roll = replace(ROLL, o=50.0, error_decay_time=250.0)
+    loops = Loops(replace(LAW, roll=roll, collective=replace(COL, centre=math.radians(degrees))))
+    at = [loops.at(kernel.ROLL, name) for name in ("error", "offset", "saturated")]
+    share, to_it = degrees / 12.0, math.copysign(1.0, degrees)
+    loops()  # collective is that of the loop before
+    for error, offset in ((0.1, 0.2), (40.0, -80.0)):
+        loops.state[at] = error, offset, 0.0
+        loops()
+        left = error - PERIOD * min(0.04 * 0.08 * faded * error, 0.96 * 12.0)
+        kept = offset - PERIOD * np.clip(0.04 * lost * offset, -most, most)
+        assert loops.state[at[:2]] == pytest.approx([left, kept], rel=1e-12)
+    # of 10 deg/s: I 2e-4 of gain 100, up to 45 deg; O of gain 50, up to 90 deg
+    for error, offset, saturated, i, o in (
+        (0.0, 0.0, 0.0, 0.01, to_it * 0.01 * charged / 100.0),
+        (45.0, to_it * 90.0, 0.0, 45.0, to_it * 90.0),
+        (1.0, to_it * 2.0, 5.0, 1.0, to_it * 2.0),  # the mixer's limit holds both,
+        (-1.0, to_it * -2.0, 5.0, -0.99, to_it * (-2.0 + 0.01 * charged / 100.0)),  # to one side
+    ):
+        loops.state[at] = error, offset, saturated
+        terms = loops(roll=-10.0)[0]
+        assert terms[[1, 5]] == pytest.approx([20.0 * i, 10.0 * o * share], rel=1e-9)
+
+
+def test_it_starts_where_its_filters_have_long_had_the_motion():
+    """Of a steady rate and stick nothing has a slope, and relax lets I have all of the error."""
+    shaped = {"d": 40.0, "b": 30.0, "expo": 0.4, "relax_level": 40.0, "response_time": 20.0}
+    cyclic, notches = replace(ROLL, **shaped), (laws.Notch(frequency=50.0),)
+    law = replace(LAW, roll=cyclic, pitch=cyclic, yaw=replace(YAW, **shaped, gyro_cutoff=100.0))
+    loops = Loops(replace(law, smoothing=20.0, gyro_lowpass=100.0, notches=notches))
+    seen = STILL._replace(p=0.3, q=0.2, r=-0.1, LAT=0.2, LON=-0.1, PED=0.3)
+    kernel.COMPILED.reset(seen, loops.state, loops.settings)
+    for k in range(20):
+        p, i, d, f, b, _ = loops(*np.degrees([0.3, -0.2, 0.1]), LAT=0.2, LON=-0.1, PED=0.3).T
+        assert [*d, *b] == pytest.approx([0.0] * 6, abs=1e-9)
+        wanted = np.array([240.0 * (0.6 * one + 0.4 * one**3) for one in (0.4, 0.2, -0.6)])
+        assert f == pytest.approx(2.5e-2 * np.array([100.0, 100.0, 0.0]) * wanted, rel=1e-9)
+        off = wanted - np.degrees([0.3, -0.2, 0.1])
+        assert p == pytest.approx([*(0.333333 * off[:2]), 5.333333 * 0.8 * off[2]], rel=1e-5)
+        # I of 20 counts a degree; turning with 0.1 rad/s mixes 2e-3 of roll and pitch
+        assert i[:2] == pytest.approx(20.0 * PERIOD * (k + 1.0) * off[:2], rel=5e-3)
 
 
 def test_relax_a_notch_and_precompensation():

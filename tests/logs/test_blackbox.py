@@ -365,34 +365,9 @@ def test_unknown_fields_and_clocks_are_listed(tmp_path):
             wanted()
 
 
-DUMP = """# version
-# Rotorflight / STM32F7X2 (S7X2) 4.6.0 Jun 28 2026 / 10:20:07 (b92aac0) MSP API: 12.9
-batch start
-servo 1 1500 -700 700 500 500 333 0 0
-mixer input SR 1000 -1250 1250
-set swash_type = 120
-set blackbox_rate_denom = 4
-set name = a = b
-
-profile 0
-set roll_p_gain = 60
-
-profile 1
-set roll_p_gain = 70
-# restore original profile selection
-profile 0
-
-rateprofile 1
-set roll_rc_rate = 20
-# restore original rateprofile selection
-rateprofile 0
-save
-"""
-
-
 def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
     path = tmp_path / "dump.txt"
-    path.write_text(DUMP)
+    path.write_text(written.DUMP)
     found = read_dump(path)
     assert dict(found) == {
         "servo 1": "1500 -700 700 500 500 333 0 0",
@@ -402,6 +377,6 @@ def test_a_dump_of_the_command_line_is_a_mapping(tmp_path):
         "name": "a = b",
         "roll_p_gain": "60",
     }
-    path.write_text(re.sub("set|servo|mixer", "x", DUMP))
+    path.write_text(re.sub("set|servo|mixer", "x", written.DUMP))
     with pytest.raises(StorageError, match="no setting in it, such as 'set roll_p_gain = 50'"):
         read_dump(path)

@@ -108,6 +108,12 @@ def test_a_sweep_that_was_stopped_or_whose_settings_were_dropped_is_used(tmp_pat
     assert sweep.high == pytest.approx(HZ * frequency[1100], rel=0.01)
     assert told.high == pytest.approx(HZ * frequency[1200], rel=0.01)
     assert sweep.stop == pytest.approx(told.stop, abs=0.1)
+    log = SidLog().sweep(12, **SHORT)
+    swept = max(log.messages, key=len)
+    rows = np.frombuffer(swept, np.uint8).reshape(1600, -1).copy()
+    rows[[400, 500], 19:23] = np.array([[1e9], [0.0]], "<f4").view(np.uint8)  # damage to SIDD's F
+    log.messages[log.messages.index(swept)] = rows.tobytes()
+    assert infer(log.save(tmp_path)).logs[0].sweeps == (told,)
 
 
 def test_what_a_fit_holds_besides_the_vehicle_is_said(tmp_path):
@@ -180,8 +186,9 @@ def test_dropped_messages_count_as_missing_and_are_said(tmp_path):
     keep = random.uniform(size=1600) > 0.2
     keep[0] = True
     found = infer(one_sweep(tmp_path, keep=keep))
-    assert found.logs[0].dropped == pytest.approx(0.2, abs=0.03)
-    assert any("the logger dropped" in one for one in found.diagnostics)
+    # what is lost at the end can't be told
+    assert found.logs[0].dropped == pytest.approx(1.0 - keep.mean(), abs=2 / 1600)
+    assert f"the logger dropped {100.0 * (1.0 - keep.mean()):.0f} % of" in found.diagnostics[0]
     (log,) = found.read()
     names = set(log.record.provenance["missing"])
     assert {"ped", "r", "v_dot", "mixer_yaw"} - names == {"v_dot"}
@@ -215,6 +222,8 @@ def test_vehicles_and_logs_choose_the_structures(tmp_path):
     assert [record.names[-2:] for record in records] == [("mixer_roll", "mixer_pitch")] * 2
     assert records[0]["mixer_roll"].any()
     assert not records[1]["mixer_roll"].any()
+    slips = SidLog().sweep(10, slip=True, **SHORT).sweep(12, slip=True, **SHORT)
+    assert infer(slips.save(tmp_path)).fits[-1].conditioning == ("v_dot",)
     log = SidLog(parameters={"FRAME_CLASS": 1.0}).sweep(10, **SHORT).sweep(11, **SHORT)
     found = infer(log.save(tmp_path))
     expected = [("tf:0/2", ("lat",)), ("tf:0/2", ("lon",))]
@@ -257,11 +266,14 @@ def test_steps_that_alternate_are_no_dropped_messages():
     assert missing == pytest.approx(89 / 1000, rel=0.02)
 
 
+def tail(low, high):
+    ends = {"FUNCTION": 36.0, "MIN": low, "TRIM": 1500.0, "MAX": high}
+    return {f"SERVO4_{name}": value for name, value in ends.items()}
+
+
 def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
     """By hand: 450 and 550 us; 0.0019 of 4500 is 8, of 550 us 0.98, which is none."""
-    parameters = {
-        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1050.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2050.0
-    }  # fmt: skip
+    parameters = tail(1050.0, 2050.0)
     travel = tail_servo(parameters)
     assert travel == (550.0, 450.0)
     sent = sent_yaw(np.array([0.0, 0.0019, 0.0039, -0.0039, 1.0, -1.0]), travel)
@@ -269,12 +281,11 @@ def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
     assert tail_servo(parameters | {"H_TAIL_TYPE": 3.0}) is None
     assert tail_servo(parameters | {"SERVO4_MIN": 1600.0}) is None
     assert tail_servo(parameters | {"SERVO4_REVERSED": 1.0}) == (450.0, 550.0)
+    assert tail_servo({k.replace("4", "32"): one for k, one in parameters.items()}) == travel
 
 
 def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
-    parameters = {
-        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1000.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2000.0
-    }  # fmt: skip
+    parameters = tail(1000.0, 2000.0)
     log = SidLog(parameters=parameters).sweep(12, magnitude=0.01, pulses=500.0, **SHORT)
     found = infer(log.save(tmp_path))
     assert "ped = RATE.YOut as sent" in str(found)
@@ -286,7 +297,6 @@ def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
     assert abs(asked["N_ped"].value / truth - 1.0) > 0.05
 
 
-@pytest.mark.slow
 def test_a_band_begins_where_the_structure_follows():
     frequency = np.geomspace(0.5, 50.0, 120)
     s = 1j * frequency
@@ -296,15 +306,17 @@ def test_a_band_begins_where_the_structure_follows():
         names = {"inputs": ("ped",), "outputs": ("r",)}
         return hs.FrequencyResponse.exact(frequency, values[None, None], **names)
 
-    whole = (0.5, 50.0)
-    assert followed_band(frf(truth), hs.structures.yaw_base, whole, searches=2) == whole
+    def low(values):
+        known = hs.structures.yaw_base.with_fixed({"N_r": -3.0, "tau_r_base": 0.01})
+        lowest, highest = followed_band(frf(values), known, (0.5, 50.0), searches=1)
+        assert highest == 50.0
+        return lowest
+
+    assert low(truth) == 0.5
     slow = truth * s**2 / (s**2 + 0.4 * s + 1.0)
-    low, high = followed_band(frf(slow), hs.structures.yaw_base, whole, searches=2)
-    assert 2.0 < low < 6.0
-    assert high == 50.0
+    assert 2.0 < low(slow) < 6.0
     slower = truth * s**2 / (s**2 + 12.0 * s + 900.0)  # three octaves are left at least
-    low, _ = followed_band(frf(slower), hs.structures.yaw_base, whole, searches=2)
-    assert low <= 1.3 * 50.0 / 2.0**3
+    assert low(slower) <= 1.3 * 50.0 / 2.0**3
 
 
 def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):

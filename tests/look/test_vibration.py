@@ -15,7 +15,7 @@ from sid_logs import SidLog
 
 OWN = {**PARAMETERS, "SCHED_LOOP_RATE": 400.0, "INS_GYRO_FILTER": 40.0}
 MAIN, TAIL = 28.3, 4.72
-TONES = {1.0: 0.1, 2.0: 0.06, 4.0: 0.06, TAIL: 0.12, 10.0: 0.01}  # turns of the mast -> rad/s
+TONES = {1.0: 0.1, 2.0: 0.06, 4.0: 0.16, TAIL: 0.12, 10.0: 0.01}  # turns of the mast -> rad/s
 IN_FLIGHT = np.arange(40_000) / 1000.0
 
 
@@ -123,7 +123,7 @@ def test_a_blackbox_log_tells_tones_by_its_speeds_and_the_lag_of_its_filters(tmp
 
     def told(columns):
         path.write_bytes(blackbox_logs.encode(columns, {"gyro_scale": "0x3f800000"}))
-        return blackbox_vibration(Blackbox(path), lambda at: np.full((3, 3, at.size), 0.1))
+        return blackbox_vibration(Blackbox(path), lambda at: np.eye(3)[..., None] / at)
 
     found = told(counts)
     tones = {one.name: one for one in found.peaks}
@@ -135,13 +135,15 @@ def test_a_blackbox_log_tells_tones_by_its_speeds_and_the_lag_of_its_filters(tmp
         passed = abs(freqz(*low_pass, [tones[name].frequency], fs=1.0 / step)[1][0])
         assert tones[name].now / tones[name].logged == pytest.approx(passed, rel=0.05)
         assert tones[name].left is None
+        # a law that takes angles, the integrals of rates, for commands
+        assert tones[name].felt == pytest.approx(tones[name].now / tones[name].frequency / math.tau)
     assert tones["1/rev of tail"].axis == "r"
     # counts of 1 deg/s of both gyros: the phase of 60 s' average is off by a few percent
     (lag,) = found.lag(20.0)
     assert lag == pytest.approx(math.degrees(math.atan(20.0 / corner)), rel=0.05)
-    # the rotor stands for longer than it turns, and logging pauses: the longest stretch counts
-    stands = np.arange(time.size) < 35_000
-    paused = {**counts, "headspeed": np.where(stands, 0, counts["headspeed"])}
+    # the rotor idles for longer than it is at speed, and logging pauses: the longest stretch counts
+    idles = np.arange(time.size) < 35_000
+    paused = {**counts, "headspeed": np.where(idles, 800, counts["headspeed"])}
     paused["time"] = counts["time"] + np.where(time > 40.0, 30_000_000, 0)
     again = {one.name: one for one in told(paused).peaks}
     assert math.degrees(again["1/rev of main"].logged) == pytest.approx(6.0, rel=0.1)

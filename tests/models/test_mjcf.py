@@ -12,6 +12,7 @@ import pytest
 import helisim as hs
 from helisim.vehicle.build import unwritten
 from helisim.vehicle.parameters import model_folder, models_folder, vehicle_names
+from tabled import tabled
 
 FOLDER = Path(__file__).parents[2] / "models" / "jr700"
 VEHICLE = FOLDER / "jr700.xml"
@@ -91,16 +92,7 @@ def farthest(model, data, seconds=10.0):
     return far
 
 
-@pytest.mark.parametrize(
-    ("file", "integrator"),
-    [
-        *(("alone", "RK4"), ("scene", "Euler")),
-        *(
-            pytest.param(*one, marks=pytest.mark.slow)
-            for one in (("scene", "RK4"), ("alone", "Euler"))
-        ),
-    ],
-)
+@tabled("file", "integrator")
 @pytest.mark.parametrize("name", vehicle_names())
 def test_hover_from_the_keyframe(name, file, integrator):
     model = shipped(name, file)

@@ -110,25 +110,9 @@ def test_a_spike_is_found_where_it_is(at, width, size, up, seed):
     assert found.tolist() == list(range(at, at + width))
 
 
-SIGNALS = {
-    "sweep": SWEEP,
-    "noisy sweep": SWEEP + noise(0),
-    "noise": noise(1),
-    "resolution": np.round(noise(2) / 0.005) * 0.005,
-    "every sample twice": np.repeat(noise(3)[: COUNT // 2], 2),
-    "step": np.where(TIME < 7.0, 0.0, 1.0) + noise(4, 1e-4),
-    "pulse of five samples": np.where((TIME > 5.0) & (TIME < 5.05), 1.0, 0.0) + noise(5, 1e-4),
-    "jump and decay": np.where(TIME < 5.0, 0.0, np.exp(-(TIME - 5.0) / 0.02)),
-    "zero": np.zeros(COUNT),
-    "constant": np.full(COUNT, 3.0),
-    "nothing": np.zeros(0),
-    "too short to tell": np.array([0.0, 9.0, 0.0]),
-}
-
-
-@pytest.mark.parametrize("signal", SIGNALS)
+@tabled("signal")
 def test_a_signal_is_no_spike(signal):
-    assert not spikes(SIGNALS[signal]).any()
+    assert not spikes(signal).any()
 
 
 @given(first=st.integers(5, COUNT - 60), length=st.integers(10, 55), seed=st.integers(0, 99))

@@ -82,9 +82,7 @@ def test_a_gust_from_below_is_a_descent(jr700, healthy):
     assert FlightEnvelope().end(jr700, fast) is None
 
 
-@pytest.mark.parametrize(
-    ("held", "over"), [(0.98, None), (1.02, 0.02)], ids=["less than a second", "more"]
-)
+@tabled("held", "over")
 def test_saturation_that_lasts_ends_the_flight(jr700, healthy, held, over):
     """A second at the stop, not before; also in pieces, if they come within ten seconds."""
     stop = healthy.servo_commands.copy()

@@ -60,9 +60,6 @@ def test_remnant_is_what_was_asked(jr700):
     assert jr700.model.actuator_user[addresses(jr700.model).rotor, PARAM.pilot_on] == 0.0
 
 
-# Three swashplate servos and the tail servo in flight: their limits, and what is recorded
-
-
 # Controllers in models: of MuJoCo's own steps, of several helicopters, of other processes.
 
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)

@@ -19,7 +19,7 @@ from helisim.sim import Chirp, Doublet, History, simulate
 from helisim.sim.excitation import step_times
 from helisim.sim.ground import outline
 from helisim.sim.missions import Autopilot, Mission
-from helisim.sim.missions.autopilot import Sight
+from helisim.sim.missions.autopilot import Sight, Wanted
 from helisim.sim.missions.mission import Reached
 from helisim.vehicle.trim import rotation_matrix
 from tabled import tabled
@@ -81,20 +81,37 @@ def flown(vehicle, mission, **settings):
     return Reached.of(vehicle, trajectory), trajectory
 
 
+def grounded(seconds):
+    """Return a pilot who wants, and whom no vehicle follows."""
+    pilot = Autopilot.__new__(Autopilot)
+    pilot.seconds, pilot.wanted, pilot.phases = seconds, Wanted(), []
+    pilot.seen = SimpleNamespace(time=0.0, motion=SimpleNamespace(psi=0.0))
+    pilot.rng = np.random.default_rng(5)
+    return pilot
+
+
 @pytest.mark.parametrize(("angle", "rate"), [(2.0, 1.0), (-3.0, 0.5)])
 def test_a_turn_has_its_rate_and_twice_that_a_second(angle, rate):
     """From rest to rest: the angle, its rate, and at most 2 rate / s, which half sines reach.
 
     A half sine of acceleration reaches the rate in pi / 4 s, in which half of it is turned.
     """
-    pilot = Autopilot.__new__(Autopilot)
-    pilot.seconds, pilot.wanted = 0.002, SimpleNamespace(heading=0.3, turning=0.0)
+    pilot = grounded(0.002)
+    pilot.wanted.heading = 0.3
     seen = [(pilot.wanted.heading, pilot.wanted.turning) for _ in pilot.turn(angle, rate=rate)]
     heading, turning = np.array(seen).T
     assert (heading[-1], turning[-1]) == pytest.approx((0.3 + angle, 0.0))
     assert np.abs(turning).max() == pytest.approx(rate)
     assert np.abs(np.diff(turning)).max() / 0.002 == pytest.approx(2.0 * rate, rel=1e-4)
     assert len(seen) == math.ceil((abs(angle) / rate + 0.25 * math.pi) / 0.002)
+
+
+@pytest.mark.parametrize(("axis", "heading"), [("ped", 1.2), ("lat", 0.0)])
+def test_after_a_push_of_the_pedals_the_heading_is_kept_that_it_then_has(axis, heading):
+    pilot = grounded(0.02)
+    pilot.seen.motion.psi = 1.2
+    assert [pilot.wanted.pushed for _ in pilot.push(axis, 0.1, 0.1)][-1].count(0.1) == 1
+    assert (pilot.wanted.heading, pilot.wanted.pushed) == (heading, (0.0,) * 4)
 
 
 def test_a_script_that_wants_no_number_or_raises_ends_its_flight(jr700):
@@ -118,6 +135,7 @@ def test_forward_flight_goes_out_and_back(jr700):
     assert np.abs(flight.positions[:, 1]).max() < 0.6  # the course
     assert np.ptp(flight.positions[:, 2]) < 1.2
     assert np.hypot(*flight.positions[-1, :2]) < 0.6
+    assert flight.rotor_speed is None  # which is held
     phases = [text for _, text in reached.phases]
     assert phases[:2] == ["hover", "out: faster"]
     assert "back: slower" in phases
@@ -244,6 +262,8 @@ def test_it_lands_without_an_engine(jr700, height, speed):
     after = flight.time > cut + 0.2
     assert flight.power[after, 0].max() <= 0.0  # W: nothing drives; friction takes
     assert flight.power[~after, 0].max() > 500.0
+    nominal = jr700.parameters["main_rotor.speed"]
+    assert flight.rotor_speed[:, 0] == pytest.approx(nominal * flight.rotor[:, 4], rel=1e-12)
 
 
 def test_a_vehicle_without_a_motor_has_none_to_lose():
@@ -403,9 +423,7 @@ def test_sweep_is_written_as_asked(par):
     assert (par[PARAM.sweep_w_min], par[PARAM.sweep_w_max]) == (1.0, 20.0)
 
 
-@pytest.mark.parametrize(
-    ("period", "trim", "periods"), [(4.0, 5.0, 4), (8.0, 5.0, 2), (10.0, 2.0, 2), (11.0, 2.0, 2)]
-)
+@tabled("period", "trim", "periods")
 def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, trim, periods):
     usual = {"axis": "lat", "amplitude": 0.03, "band": (0.1, 20.0), "duration": 26.0}
     wave = Multisine(**usual, period=period, trim_time=trim)
@@ -416,14 +434,37 @@ def test_a_multisine_has_the_whole_periods_that_fit_between_its_trims(period, tr
     assert min(wave.harmonics["lat"]) == 1  # a mean is no oscillation
 
 
+def everyday(size, speed):
+    """Return the kinds, and pushes, places, speeds and accelerations of four minutes."""
+    pilot, rows = grounded(0.02), []
+    for _, _ in zip(range(12_000), hs.missions.Everyday(size=size, speed=speed).fly(pilot)):
+        aims = [*vars(pilot.wanted).values()]  # north, east, down, their rates, accelerations
+        rows.append([*pilot.wanted.pushed, *aims[:2], *aims[3:5], *aims[6:8]])
+    pushed, places, rates, forces = np.split(np.array(rows), [4, 6, 8], axis=1)
+    begins = np.any(np.diff(pushed, axis=0, prepend=0.0), axis=1) & np.any(pushed, axis=1)
+    moved = (np.hypot(*one.T).max() for one in (rates, forces))
+    return [text for _, text in pilot.phases], pushed[begins], places, moved
+
+
+def test_everyday_flying_is_as_large_and_as_fast_as_asked():
+    """All kinds come before one comes again, in a field of 12 m and what a stop of 5 m/s takes."""
+    kinds, pushed, places, (fastest, hardest) = everyday(1.0, 5.0)
+    for k in range(0, len(kinds) - 5, 6):
+        assert sorted(kinds[k : k + 6]) == sorted(set(kinds))
+    _, larger, _, (again, harder) = everyday(1.5, 5.0)
+    few = min(len(pushed), len(larger))
+    np.testing.assert_allclose(larger[:few], 1.5 * pushed[:few], rtol=1e-12)
+    assert np.all(pushed.max(axis=0) > 0.04)
+    assert np.all(pushed.min(axis=0) < -0.04)
+    assert 0.9 * 5.0 < min(fastest, again) <= max(fastest, again) <= 5.0
+    assert harder == pytest.approx(1.5 * hardest, rel=0.1)  # of so many draws each
+    assert 8.0 < np.abs(places).max() < 12.0 + 25.0
+
+
 @pytest.mark.slow
-def test_everyday_flying_moves_every_stick_and_is_another_one_for_each_seed(jr700):
-    """At the end it is in the field, where it holds its height."""
-    mission = hs.missions.Everyday(duration=40.0)
-    plan = hs.FlightPlan(mission=mission, pilot=CALM)
-    flight, again = (next(simulate(jr700, plan, seed=1, jobs=1)) for _ in range(2))
-    (other,) = simulate(jr700, plan, seed=11, jobs=1)
-    np.testing.assert_array_equal(flight.sticks, again.sticks)
+def test_everyday_flying_ends_in_the_field_and_is_another_one_for_each_seed(jr700):
+    plan = hs.FlightPlan(mission=hs.missions.Everyday(duration=40.0), pilot=CALM)
+    flight, other = (next(simulate(jr700, plan, seed=seed, jobs=1)) for seed in (1, 11))
     assert flight.script.finished
     assert flight.script.phases != other.script.phases
     assert np.ptp(flight.sticks, axis=0).min() > 0.04

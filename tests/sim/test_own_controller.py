@@ -80,9 +80,7 @@ def stepped(vehicle, stick, size, seconds):
     return 0.5 * (rows[0] + rows[1])
 
 
-@pytest.mark.parametrize(
-    ("kind", "latency", "timestep"), [(0, 0.0, 0.001), (1, 0.004, 0.001), (0, 0.004, 0.002)]
-)
+@tabled("kind", "latency", "timestep")
 def test_linearisation_is_what_a_law_flies(kind, latency, timestep):
     """A small step of each stick, in flight and by `linearize("IN2")`, of a law of everything.
 

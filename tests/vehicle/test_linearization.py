@@ -128,9 +128,7 @@ def at_ticks(system):
     return system(np.exp(1j * OMEGA * system.dt))
 
 
-@pytest.mark.parametrize(
-    ("setting", "stick"), [("aileron_rate", "LAT"), ("elevator_rate", "LON"), ("pitch_rate", "COL")]
-)
+@tabled("setting", "stick")
 def test_a_rate_is_the_travel_of_its_stick(jr700, setting, stick):
     name = f"gyro.{setting}"
     half = jr700.with_settings({name: jr700.parameters[name] / 2.0})

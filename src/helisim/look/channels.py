@@ -10,7 +10,7 @@ import numpy as np
 
 from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError
-from helisim.base.units import PULSE, UNITS, is_unit, unit
+from helisim.base.units import PULSE, STANDARD_GRAVITY, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
 from helisim.logs.screening import LARGEST, PULSE_RANGE, PULSES, UNITISED
 from helisim.logs.source import Source
@@ -25,7 +25,7 @@ AS_RECORDED, GIVEN, FIRMWARE = (
 )  # why a channel is what it is
 _PERCENT = 105.0
 _FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
-_GRAVITIES = {"m/s^2": 9.80665, "g": 1.0, "mg": 1000.0, "ft/s^2": 32.174}
+_GRAVITIES = {one: STANDARD_GRAVITY / UNITS[one].factor for one in ("m/s^2", "g", "mg", "ft/s^2")}
 _NO_MOVE = 1e-9
 _UNSAID = "SI, for lack of another word"
 
