@@ -1,6 +1,7 @@
 """Blackbox logs: every value that was written is read, and what is lost is said."""
 
 import re
+import struct
 
 import numpy as np
 import pytest
@@ -77,23 +78,27 @@ def test_time_goes_on_beyond_32_bits(tmp_path):
     time = 2**32 - 1_000_000 + 8000 * np.arange(COUNT)
     log = Blackbox(saved(tmp_path, encode({"time": time, **each("gyroADC", 3)})))
     np.testing.assert_allclose(log.time(), 1e-6 * time, atol=1e-9)
+    np.testing.assert_array_equal(log.raw("time"), time % 2**32)
 
 
 def test_events_and_frames_beside_the_main_ones_are_read(tmp_path):
     text = b"E" + bytes([101, 4]) + b"oops"
-    home = frame("H", written.GPS_HOME, 471_234_567, -8_765_432)
+    home = frame("H", written.GPS_HOME, -338_567_844, 1_512_152_967)  # beyond 2^30
     before = {
         3: event(50, 4) + event(30, 5, 1) + text,
         5: frame("S", written.SLOW, 9, 2, 0, 1, 1) + frame("G", written.GPS, 0, 1, 2, 3, 4, 5, 6),
         7: home + frame("G", written.GPS, 1500, 11, -5, 7, 300, 20, 900),
-        9: adjusted(11, -60),
+        9: adjusted(11, -60) + b"E\x0d\x8b" + struct.pack("<f", 1.5) + event(15, 200),
+        11: event(0, 77) + event(40, 1) + event(51, 1) + event(52, 300),
     }
     columns = {"time": TIME, **each("gyroADC", 3)}
     log = Blackbox(saved(tmp_path, encode(columns, before=before, gps=True)))
     check(log, columns)
-    kinds = [(one.kind, one.numbers, one.text) for one in log.events]
-    assert kinds[:2] == [(50, (4.0, 0.0), ""), (30, (5.0, 1.0), "")]
-    assert [kinds[2][0], kinds[2][2], *kinds[3][:2]] == [101, "oops", 13, (11.0, -60.0)]
+    assert [(one.kind, *one.numbers) for one in log.events if one.kind != 101] == [
+        *((50, 4, 0), (30, 5, 1), (13, 11, -60), (13, 139, 0x3FC00000), (15, 200, 0)),
+        *((0, 77, 0), (40, 1, 0), (51, 1, 0), (52, 300, 0), (255, 0, 0)),
+    ]
+    assert [one.text for one in log.events][:4] == ["", "", "oops", ""]
     assert log.events[3].time == 1e-6 * TIME[8]
     assert [*log.raw("stateFlags"), *log.raw("rxSignalReceived"), *log.time("slow")] == [
         *(2, 1),
@@ -101,7 +106,8 @@ def test_events_and_frames_beside_the_main_ones_are_read(tmp_path):
     ]
     # 1.5 ms after the main frame before; the frame ahead of home has no place
     assert log.time("gps") == pytest.approx([1e-6 * (TIME[6] + 1500)], abs=1e-9)
-    assert log["GPS_coord[0]"] == pytest.approx([47.1234562], abs=1e-9)
+    gps = {"coord[0]": -33.8567849, "coord[1]": 151.2152974, "speed": 20.0, "ground_course": 90.0}
+    assert {name: log[f"GPS_{name}"][0] for name in gps} == pytest.approx(gps, abs=1e-9)
     assert [one.kind for one in log.source.findings] == ["corruption", "adjusted"]
     assert "1 frames without the one that they build on" in log.source.findings[0].text
 
@@ -151,7 +157,7 @@ def test_of_several_logs_the_largest_is_read_and_another_can_be_chosen(tmp_path,
 
 def test_what_is_lost_is_counted_and_the_rest_is_right(tmp_path):
     columns = {"time": TIME, **each("gyroADC", 3), **each("axisP", 3)}
-    data = encode(columns)
+    data = encode(columns).replace(b"throttle:2000\n", b"throttle:2000\n\1\2\3")
     middle = data.index(b"I", len(data) // 2)
     log = Blackbox(saved(tmp_path, data[: middle + 20] + data[middle + 75 :]))
     kept = np.flatnonzero(np.isin(TIME, np.rint(1e6 * log.time())))
@@ -159,6 +165,7 @@ def test_what_is_lost_is_counted_and_the_rest_is_right(tmp_path):
     check(log, columns, kept)
     (said,) = log.source.findings
     assert said.kind == "corruption"
+    assert " 2 places (8 bytes) where no whole frame is" in said.text  # three, and the cut's five
     assert f"{COUNT - kept.size} frames missing between others" in said.text
     found = read_log(log.path, max_gap=0.1)
     assert said in found.report.findings
@@ -173,14 +180,16 @@ def test_a_pause_is_no_loss(tmp_path):
     assert [one.text for one in log.source.findings] == ["logging paused 1 times"]
 
 
-def test_a_wild_stamp_costs_one_frame_and_a_jump_few(tmp_path):
-    late = TIME + 60_000_000 * (np.arange(COUNT) >= 100)
-    data = encode({"time": late, **each("gyroADC", 3)})
-    log = Blackbox(saved(tmp_path, data))
-    lost = np.setdiff1d(late, np.rint(1e6 * log.time()).astype(int))
-    assert 0 < lost.size <= 8
-    assert lost.min() == late[100]
-    assert "whose time or number jumps" in log.source.findings[0].text
+def test_wild_stamps_cost_their_frames_and_a_jump_few(tmp_path):
+    """Of a whole frame and those that build on it, four here: two in a row that don't agree."""
+    wild, late = TIME.copy(), TIME + 60_000_000 * (np.arange(COUNT) >= 100)
+    wild[[100, 104]] += 2_000_000_000, 1_000_000_000
+    for time, lost, frames in ((wild, 8, (6, 2)), (late, 4, (3, 1))):
+        log = Blackbox(saved(tmp_path, encode({"time": time, **each("gyroADC", 3)})))
+        kept = np.delete(time, range(100, 100 + lost))
+        np.testing.assert_array_equal(np.rint(1e6 * log.time()), kept)
+        text = f" {frames[0]} frames without the one that they build on, {frames[1]} frames whose "
+        assert text in log.source.findings[0].text
 
 
 def moving(count=4000, rate=500.0):
@@ -255,7 +264,11 @@ def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
 def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
     rounding = 1e-7 if "gyro_scale" in header else 1e-12  # single precision
     names = {"axisP": 3, "axisI": 3, "rcCommand": 4, "setpoint": 4, "gyroADC": 3, "accADC": 3}
-    columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50, "rcCommand[4]": TIME % 900}
+    names |= {"attitude": 3, "mixer": 4, "servo": 1}
+    more = "rcCommand[4] altitude vario govP govI govD govF govSum govTarget govRequest headspeed "
+    more += "tailspeed Vbec Vbus EscV Esc2V Ibat EscI Esc2I"
+    columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50}
+    columns |= dict.fromkeys(more.split(), TIME % 900)
     for name, count in names.items():
         columns |= each(name, count)
     log = Blackbox(saved(tmp_path, encode(columns, header)))
