@@ -82,10 +82,9 @@ def test_time_goes_on_beyond_32_bits(tmp_path):
 
 
 def test_events_and_frames_beside_the_main_ones_are_read(tmp_path):
-    text = b"E" + bytes([101, 4]) + b"oops"
     home = frame("H", written.GPS_HOME, -338_567_844, 1_512_152_967)  # beyond 2^30
     before = {
-        3: event(50, 4) + event(30, 5, 1) + text,
+        3: event(50, 4) + event(30, 5, 1) + b"E\x65\x04oops",
         5: frame("S", written.SLOW, 9, 2, 0, 1, 1) + frame("G", written.GPS, 0, 1, 2, 3, 4, 5, 6),
         7: home + frame("G", written.GPS, 1500, 11, -5, 7, 300, 20, 900),
         9: adjusted(11, -60) + b"E\x0d\x8b" + struct.pack("<f", 1.5) + event(15, 200),
@@ -100,10 +99,8 @@ def test_events_and_frames_beside_the_main_ones_are_read(tmp_path):
     ]
     assert [one.text for one in log.events][:4] == ["", "", "oops", ""]
     assert log.events[3].time == 1e-6 * TIME[8]
-    assert [*log.raw("stateFlags"), *log.raw("rxSignalReceived"), *log.time("slow")] == [
-        *(2, 1),
-        1e-6 * TIME[4],
-    ]
+    slow = [*log.raw("stateFlags"), *log.raw("rxSignalReceived"), *log.time("slow")]
+    assert slow == [2, 1, 1e-6 * TIME[4]]
     # 1.5 ms after the main frame before; the frame ahead of home has no place
     assert log.time("gps") == pytest.approx([1e-6 * (TIME[6] + 1500)], abs=1e-9)
     gps = {"coord[0]": -33.8567849, "coord[1]": 151.2152974, "speed": 20.0, "ground_course": 90.0}
@@ -254,14 +251,13 @@ def test_a_motor_at_the_tail_makes_the_controllers_sum_the_pedal(tmp_path):
 @tabled("header", "column", "factor", "unit")
 def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
     rounding = 1e-7 if "gyro_scale" in header else 1e-12  # single precision
-    names = {"axisP": 3, "axisI": 3, "rcCommand": 4, "setpoint": 4, "gyroADC": 3, "accADC": 3}
-    names |= {"attitude": 3, "mixer": 4, "servo": 1}
     more = "rcCommand[4] altitude vario govP govI govD govF govSum govTarget govRequest headspeed "
-    more += "tailspeed Vbec Vbus EscV Esc2V Ibat EscI Esc2I"
-    columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50}
+    more += "tailspeed Vbec Vbus EscV Esc2V Ibat EscI Esc2I servo[0]"
+    columns = {"time": TIME, "Vbat": 4440 - np.arange(COUNT) % 50, **each("mixer", 4)}
     columns |= dict.fromkeys(more.split(), TIME % 900)
-    for name, count in names.items():
-        columns |= each(name, count)
+    for count, some in ((3, "axisP axisI gyroADC accADC attitude"), (4, "rcCommand setpoint")):
+        for name in some.split():
+            columns |= each(name, count)
     log = Blackbox(saved(tmp_path, encode(columns, header)))
     np.testing.assert_allclose(log[column], factor * log.raw(column), rtol=rounding)
     assert log.units.get(column, "") == unit
@@ -269,10 +265,10 @@ def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
 
 @pytest.mark.parametrize(("header", "limits"), [(BETAFLIGHT, (0.5, 0.4)), (OF_4_2, (np.inf,) * 2)])
 def test_without_a_mixer_the_limited_sum_of_terms_is_the_command(tmp_path, header, limits):
-    columns = {"time": TIME, "rcCommand[4]": TIME % 900, **each("rcCommand", 4)}
+    columns = {"time": TIME, "rcCommand[4]": TIME % 900}
+    columns |= each("rcCommand", 4) | each("setpoint", 4)
     for name in ("axisP", "axisI", "axisD", "axisF", "gyroADC"):
         columns |= each(name, 3)
-    columns |= each("setpoint", 4)
     log = Blackbox(saved(tmp_path, encode(columns, header)))
     assert [log.channels[one].column for one in ("lat", "lon", "ped")] == [
         f"axisSum[{k}]" for k in range(3)
