@@ -75,7 +75,7 @@ def test_every_predictor_and_encoding_is_undone(
 
 def test_time_goes_on_beyond_32_bits(tmp_path):
     """After 71.6 minutes the firmware's clock of 32 bits, us, begins anew."""
-    time = 2**32 - 1_000_000 + 8000 * np.arange(COUNT)
+    time = 2**31 - 1_000_000 + 8_000_000 * np.arange(COUNT)
     log = Blackbox(saved(tmp_path, encode({"time": time, **each("gyroADC", 3)})))
     np.testing.assert_allclose(log.time(), 1e-6 * time, atol=1e-9)
     np.testing.assert_array_equal(log.raw("time"), time % 2**32)
@@ -258,7 +258,7 @@ def test_counts_differ_by_firmware(tmp_path, header, column, factor, unit):
     for count, some in ((3, "axisP axisI gyroADC accADC attitude"), (4, "rcCommand setpoint")):
         for name in some.split():
             columns |= each(name, count)
-    log = Blackbox(saved(tmp_path, encode(columns, header)))
+    log = Blackbox(saved(tmp_path, encode({k: x[:60] for k, x in columns.items()}, header)))
     np.testing.assert_allclose(log[column], factor * log.raw(column), rtol=rounding)
     assert log.units.get(column, "") == unit
 
