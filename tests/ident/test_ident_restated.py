@@ -224,12 +224,11 @@ def lagging(inputs, outputs):
 )
 def test_a_scan_finds_the_delays_of_its_grid(inputs, outputs):
     structure, frequency = lagging(inputs, outputs), np.geomspace(0.5, 20.0, 60)
-    names = {one.name: one for one in structure.free}
     values = {"K": 5.0, "early": 0.1, "after": 0.225, "a": 2.0}  # steps of half a radian at 20
     frf = of_model(structure, values, frequency)
     points = select(frf, structure, band=None, responses=None, count=60)
     cost = Cost(structure, points)
-    delays, place = Delays(cost), list(names)
+    delays, place = Delays(cost), [one.name for one in structure.free]
     assert [place[k] for k in delays.index] == ["early", "after"]
     assert delays.apart == pytest.approx([0.025, 0.025])
     for grid in delays.grids:
@@ -636,6 +635,9 @@ def test_an_iteration_of_sanathanan_and_koerner_ends_in_exact_data():
         assert above[1] == pytest.approx(top, rel=1e-6)
         assert below[1] == pytest.approx(bottom, rel=1e-6)
         assert np.abs(above[0] - top).max() > 0.1
+    rows = np.random.default_rng(1).normal(size=(1, 9, 4)) * [1.0, 0.0, 1.0, 1.0]
+    expected = np.linalg.lstsq(rows[0, :, :3], rows[0, :, 3])[0]  # the least: 0 of what isn't seen
+    assert rational._least_squares(rows)[0] == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_composites_bias_is_its_gap_to_the_local_estimate_beyond_chance():
