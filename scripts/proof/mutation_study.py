@@ -155,6 +155,8 @@ class Baseline:
         only = [f"*/helisim/{area}/*"]
         self.coverage = coverage.Coverage(data_file=None, include=only, config_file=False)
         self.coverage.start()
+        for path in sorted((self.root / "src" / "helisim" / area).glob("[!_]*.py")):
+            import_module(f"helisim.{area}.{path.stem}")  # what is imported later is no test's own
         options = ["-q", "-n0", "-m", "not slow and not study", *PLAN["tests"][area]]
         status = pytest.main(options, plugins=[self])
         self.coverage.stop()

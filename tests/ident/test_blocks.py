@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, freqs, lfilter
+from test_ardupilot import BLADE
+from test_ardupilot import FULL as AS_IT_IS
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli import main
@@ -24,7 +26,6 @@ from helisim.ident.feedback import answered
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
-from helisim.study.paper import published
 from ident_data import HEAVE, data, fitted, record
 from script import loaded
 from tabled import tabled
@@ -143,18 +144,6 @@ def test_a_file_has_its_blocks_in_a_table(tmp_path):
 
 # Identified models as ArduPilot's state-space helicopter: its file, its equations, its limits.
 
-AS_IT_IS = dict.fromkeys(("col", "lon", "lat", "ped"), 1.0)
-
-
-def values_of(table) -> dict[str, float]:
-    return {one.name: one.value for one in table.values}
-
-
-BLADE = (
-    (structures.rollpitch, values_of(published("blade360")["rollpitch_in1"]), AS_IT_IS),
-    (structures.yaw_base, values_of(published("blade360")["yaw_base"]), AS_IT_IS),
-    (structures.heave, values_of(published("blade360")["heave"]), AS_IT_IS),
-)
 HALF = {**dict.fromkeys(AS_IT_IS, 0.5), "col": 1.0}
 HOVER = {"rotor_speed": 100.0 * np.pi, "hover_lean": np.pi / 60, "hover": 0.4}
 
@@ -181,7 +170,7 @@ def test_blade_360_becomes_the_numbers_of_ardupilots_own_file():
 def test_servos_become_delays():
     servo = blocks.second_order("swash", omega=200.0, zeta=0.7)
     structure = in_series(structures.rollpitch, inputs={"lat": servo, "lon": servo})
-    own = values_of(published("blade360")["rollpitch_in1"]) | {"tau_lon": 0.041}
+    own = BLADE[0][1] | {"tau_lon": 0.041}
     values = structure.starts | own
     numbers, remarks = numbers_of([(structure, values, AS_IT_IS)], late={"p": 0.02, "q": 0.02})
     # servo 2 zeta / omega = 7 ms, and of 40 and 41 ms the recorder's 20: 27 and 28 ms

@@ -64,10 +64,6 @@ def test_printed_cost_is_the_average_and_accuracy_uses_the_sum():
     assert list(shifted.costs.values()) == pytest.approx([WEIGHT] * 2, rel=1e-9)
 
 
-def cost_of(frf, structure):
-    return Cost(structure, select(frf, structure, band=None, responses=None, count=20))
-
-
 @tabled("low", "high", "ends")
 def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, ends):
     free = structures.heave.with_bounds({"Z_w": None}).with_starts({"Z_w": 0.5 * (low + high)})
@@ -250,8 +246,7 @@ AT = 1j * KNOWN_GRID
 BEHIND_SERVO = Structure(
     name="behind_servo",
     parameters=(
-        Parameter("N_r", "1/s", -1.0),
-        Parameter("N_ped", "1/s^2", 10.0),
+        *(Parameter("N_r", "1/s", -1.0), Parameter("N_ped", "1/s^2", 10.0)),
         Parameter("lag", "s", 0.05, fixed=True, error=0.01),
     ),
     states=("r", "behind"),
@@ -269,9 +264,8 @@ def yaw_data(found, **options):
 
 @pytest.fixture(scope="module")
 def known():
-    return identify(
-        yaw_data(50.0 / (AT + 0.7) / (1.0 + 0.05 * AT), noise=0.01, seed=2), BEHIND_SERVO
-    )
+    behind = 50.0 / (AT + 0.7) / (1.0 + 0.05 * AT)
+    return identify(yaw_data(behind, noise=0.01, seed=2), BEHIND_SERVO)
 
 
 def test_what_a_known_error_makes_of_the_others_is_what_fits_with_other_values_find(known):
@@ -305,7 +299,8 @@ def test_the_misfit_is_what_the_structure_cannot_follow():
 
 def test_without_known_errors_residuals_count_as_independent():
     """Standard errors are then those of least squares, with n minus p degrees of freedom."""
-    cost = cost_of(of_model(structures.yaw_base, YAW, noise=0.05, seed=5), structures.yaw_base)
+    frf = of_model(YAW_BASE, YAW, noise=0.05, seed=5)
+    cost = Cost(YAW_BASE, select(frf, YAW_BASE, band=None, responses=None, count=20))
     x = np.array([YAW[parameter.name] for parameter in structures.yaw_base.free])
     jacobian, residual = cost.log_jacobian(x), cost.log(x, unwrap=False)
     variance = residual @ residual / (residual.size - x.size)
@@ -320,18 +315,11 @@ WOBBLE = np.random.default_rng(0).standard_normal((2, 60)).T @ [1.0, 1.0j]
 LAG = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
 
 
-def measured():
-    s = 1j * FREQUENCY
-    known = 3.0 / (s + 2.0) * np.exp(-0.1 * s + 0.01 * WOBBLE)
-    return data(known, FREQUENCY, inputs=["lat"], outputs=["p"])
-
-
 def test_what_only_rounding_sees_has_no_bounds():
     structure = Structure(
         name="cancelling",
         parameters=(
-            Parameter("Z_w", "1/s", -0.6),
-            Parameter("Z_col", "m/s^2", -40.0),
+            *(Parameter("Z_w", "1/s", -0.6), Parameter("Z_col", "m/s^2", -40.0)),
             Parameter("M_col", "1/s^2", 1.1),
         ),
         states=("w", "q", "three_q"),
@@ -359,7 +347,9 @@ def test_units_of_parameters_do_not_change_their_relative_accuracy():
         F=(("-1e9*a0",),),
         G=(("1e-9*b0",),),
     )
-    frf = measured()
+    s = 1j * FREQUENCY
+    exact = 3.0 / (s + 2.0) * np.exp(-0.1 * s + 0.01 * WOBBLE)
+    frf = data(exact, FREQUENCY, inputs=["lat"], outputs=["p"])
     known = {"tau": 0.1}, {"tau": 0.01}
     one, two = (identify(frf, a.with_fixed(*known)) for a in (LAG, other))
     for name in ("b0", "a0"):

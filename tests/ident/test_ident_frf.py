@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from helisim.base.errors import IdentificationError, InputError, StorageError
+from helisim.base.note import Note
 from helisim.ident import (
     ClosedLoopWarning,
     CrossControlWarning,
@@ -19,7 +20,7 @@ from helisim.ident import (
     structures,
     verify,
 )
-from helisim.ident.frf import _coherent, _disagreements
+from helisim.ident.frf import _coherent, _disagreements, excited_sticks, resolved_band, worth_more
 from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.records.record import channel
 from ident_data import GRID, HEAVE, fitted, record
@@ -213,11 +214,30 @@ def test_estimates_disagree_where_their_gap_is_beyond_chance(line, spread, limit
         direct = replace(joint, response=gap * joint.response)
         found = list(_disagreements(replace(joint, coherence=coherence * ones), direct))
         assert len(found) == told
-        percent = f"{100.0 * (factor * limit + 1e-4):.0f} % at {omega[8]:.3g} rad/s"
-        assert all(
-            f"p/lat disagree beyond their errors at 2 of 6 frequencies, by {percent}" in one
-            for one in found
-        )
+        text = "p/lat disagree beyond their errors at 2 of 6 frequencies, by "
+        text += f"{100.0 * (factor * limit + 1e-4):.0f} % at {omega[8]:.3g} rad/s"
+        assert all(text in one for one in found)
+
+
+def test_sticks_are_the_reference_where_they_move_and_excite_enough():
+    """From 0.9 of the direct estimate's coherent points, or 0.25 where gusts go round a loop."""
+    omega = np.arange(1.0, 101.0)
+    exact = FrequencyResponse.exact(omega, np.ones((1, 1, 100)), inputs=["lat"], outputs=["p"])
+    assert worth_more(exact) is exact
+    for evidence, enough in (((), 72.0), ((Note("feedback", ""),), 20.0)):
+        some = 1.0 * (omega <= 80.0)[None, None]
+        direct = replace(exact, coherence=some, evidence=evidence)
+        for count, stays in ((enough + 1.0, True), (enough - 1.0, False)):
+            joint = replace(exact, coherence=1.0 * (omega <= count)[None, None], direct=direct)
+            assert worth_more(joint) is (joint if stays else direct)
+    moves = np.sin(np.arange(500.0))
+    flown = record(0.02, lat=moves, LAT=0.0 * moves, lon=moves, LON=moves, ped=moves)
+    for inputs, sticks in ((["lon"], ("LON",)), (["lat", "lon"], ()), (["lon", "ped"], ())):
+        assert excited_sticks([flown, flown], inputs) == sticks
+    # a window of half a record and a fifth of all (Tischler and Remple); ten samples a period
+    for count, window in ((1, 9.98 / 5.0), (5, 9.98 / 2.0)):
+        expected = (2.0 * np.pi / window, 10.0 * np.pi)
+        assert resolved_band([flown] * count) == pytest.approx(expected, rel=2e-4)
 
 
 def test_inputs_are_coherent_beyond_a_half_and_one_beyond_098():
@@ -270,11 +290,7 @@ def test_csv_is_for_other_programs(tmp_path):
     heave.save(tmp_path / "heave.csv")
     first, heading, *rows = (tmp_path / "heave.csv").read_text().splitlines()
     assert json.loads(first.removeprefix("# provenance: "))["records"] == list(heave.sources)
-    assert heading.split(",")[:3] == [
-        "frequency [rad/s]",
-        "p/lat magnitude [dB]",
-        "p/lat phase [deg]",
-    ]
+    assert heading.startswith("frequency [rad/s],p/lat magnitude [dB],p/lat phase [deg],")
     frequency, size, phase, coherence, error = np.loadtxt(rows, delimiter=",").T
     response = 10 ** (size / 20) * np.exp(1j * np.radians(phase))
     assert response == pytest.approx(heave.response[0, 0], rel=1e-12)

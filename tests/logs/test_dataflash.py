@@ -284,6 +284,14 @@ def test_random_bytes_cost_the_numbers_that_they_hit(tmp_path, share, seed):
     assert f"({read.skipped} of {read.size} bytes)" in read.damage
 
 
+def test_what_stands_beside_a_spike_is_dropped_after_it():
+    values = np.sin(0.01 * np.arange(400.0))
+    values[200:205] += 10.0, 20.0, 40.0, 20.0, 10.0
+    for rounds, dropped in ((2, range(201, 204)), (20, range(200, 205))):
+        dataflash._drop_wild(values, rounds)
+        assert np.flatnonzero(np.isnan(values)).tolist() == [*dropped]
+
+
 def test_one_stamp_that_goes_back_costs_one_message(tmp_path):
     log = counting(200)
     where = max(k for k, one in enumerate(log.messages) if one[2] == 1) - 100

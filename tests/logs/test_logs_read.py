@@ -120,13 +120,14 @@ def test_repairs_do_what_they_say(tmp_path):
 
 
 def test_angles_are_made_continuous_and_resampling_is_filtered_and_even(tmp_path):
-    t = np.arange(50.0)
+    t = np.arange(60.0)
     heading = (10.0 * t + 180.0) % 360.0 - 180.0
     path = table(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")
     log = read_log(path, channels=["psi"], resample_hz=2.0)
     assert log.record["psi"] == pytest.approx(np.radians(10.0) * log.record.time)
     (wraps,) = log.report.repairs
-    assert (wraps.kind, wraps.count, wraps.rows) == ("angle wraps", 1, (20,))
+    assert (wraps.kind, wraps.count, wraps.rows) == ("angle wraps", 2, (20, 56))
+    assert "the first in line 20; made continuous" in wraps.text
     t = np.arange(0.0, 20.0, 0.002)
     slow, fast = np.sin(2.0 * np.pi * 6.0 * t), np.sin(2.0 * np.pi * 33.0 * t)
     path = table(tmp_path / "a.csv", t, slow, fast, header="t [s],slow [1],fast [1]")

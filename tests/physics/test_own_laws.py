@@ -195,46 +195,39 @@ PENDULUM = """
   <body><joint name="a" axis="0 1 0" damping="0.1"/><geom size="0.05" pos="0 0 -0.5"/>
     <body pos="0 0 -0.5"><joint name="b" axis="1 1 0"/><geom size="0.04" pos="0 0 -0.4"/></body>
   </body>
-</worldbody>{actuator}{sensor}</mujoco>
+</worldbody><actuator>{actuator}</actuator>{sensor}</mujoco>
 """
+
+USER = '<general joint="a" dyntype="user" actdim="2"'
 
 
 def actuators(numbers):
     """Return nine user actuators, as a vehicle has, with their first user numbers."""
-    one = '<general joint="a" dyntype="user" actdim="2" user="{0[0]:.1f} {0[1]} 1 1"/>'
-    return f"<actuator>{''.join(one.format(numbers(k)) for k in range(9))}</actuator>"
+    return "".join(f'{USER} user="{numbers(k)[0]:.1f} {numbers(k)[1]} 1 1"/>' for k in range(9))
 
 
 BARE = {"integrator": "RK4", "size": "", "actuator": "", "sensor": ""}
+SIZE = {"size": '<size nuser_actuator="240"/>'}
 OTHERS = {
     "plain": {},
-    "filter": {
-        "actuator": '<actuator><general joint="a" dyntype="filter" dynprm="0.1"/></actuator>'
-    },
+    "filter": {"actuator": '<general joint="a" dyntype="filter" dynprm="0.1"/>'},
     "user dynamics": {
-        "actuator": '<actuator><general joint="a" dyntype="user" actdim="1"/>'
-        '<general joint="b" dyntype="user" actdim="3"/></actuator>'
+        "actuator": '<general joint="a" dyntype="user" actdim="1"/>'
+        '<general joint="b" dyntype="user" actdim="3"/>'
     },
-    "as many user numbers as ours": {
-        "size": '<size nuser_actuator="240"/>',
-        "actuator": '<actuator><general joint="a" dyntype="user" actdim="2"/></actuator>',
-    },
-    "user numbers near ours": {
-        "size": '<size nuser_actuator="240"/>',
-        "actuator": f'<actuator><general joint="a" dyntype="user" actdim="2" '
-        f'user="{MAGIC + 1.0:.1f} 8 1 1 1"/></actuator>',
-    },
+    "as many user numbers as ours": {**SIZE, "actuator": f"{USER}/>"},
+    "user numbers near ours": {**SIZE, "actuator": f'{USER} user="{MAGIC + 1.0:.1f} 8 1 1 1"/>'},
     "as many actuators as ours, numbers near ours": {
-        "size": '<size nuser_actuator="240"/>',
+        **SIZE,
         "actuator": actuators(lambda k: (MAGIC - 1.0, k)),
     },
     "our actuators in another order": {
-        "size": '<size nuser_actuator="240"/>',
+        **SIZE,
         "actuator": actuators(lambda k: (MAGIC, (k + 8) % 9 if k < 8 else k)),
     },
     "user sensor": {
-        "size": '<size nuser_actuator="240"/>',
-        "actuator": '<actuator><motor joint="a" user="1 2 3"/></actuator>',
+        **SIZE,
+        "actuator": '<motor joint="a" user="1 2 3"/>',
         "sensor": '<sensor><user dim="4" objtype="body" objname="world" needstage="acc"/></sensor>',
     },
 }
@@ -256,8 +249,7 @@ def history(model, steps=200):
 
 @pytest.mark.parametrize(("kind", "integrator"), [*product(OTHERS, ["RK4"]), ("plain", "Euler")])
 def test_other_models_are_left_alone(kind, integrator):
-    blank = {"size": "", "actuator": "", "sensor": ""}
-    text = PENDULUM.format(integrator=integrator, **{**blank, **OTHERS[kind]})
+    text = PENDULUM.format(**{**BARE, "integrator": integrator, **OTHERS[kind]})
     model = mujoco.MjModel.from_xml_string(text)
     stock = history(model)
     ours_in_disorder = kind == "our actuators in another order"
