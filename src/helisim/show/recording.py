@@ -78,7 +78,7 @@ def write_recording(
             rrb.TimePanel(state="collapsed", timeline=TIMELINE),
             collapse_panels=True,
         )
-        recording.send_blueprint(layout, make_active=False, make_default=True)
+        recording.send_blueprint(layout, make_active=True, make_default=True)
         for name, record in flights.items():
             _log_flight(recording, name, record, parts)
             on_progress(name)
@@ -233,8 +233,10 @@ def _log_space(
 ) -> None:
     recording.log(world, rr.ViewCoordinates.FRD, static=True)  # north, east, down
     _log_ground(recording, world, record)
-    trail = record.select(POSITIONS)[:: max(1, len(record) // _TRAIL)]
-    line = rr.LineStrips3D([trail], colors=[(240, 200, 60)], radii=[-1.5])
+    places = np.array_split(record.select(POSITIONS), min(len(record), _TRAIL))
+    line = rr.LineStrips3D(  # means leave out most of the sensor's noise
+        [np.array([each.mean(axis=0) for each in places])], colors=[(240, 200, 60)], radii=[-1.5]
+    )
     recording.log(f"{world}/trail", line, static=True)
     entity, parameters = f"{world}/helicopter", record.provenance.get("parameters", {})
     main, tail = (
