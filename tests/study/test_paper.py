@@ -538,7 +538,7 @@ def test_an_airframe_lacks_nothing_that_it_needs(tmp_path, monkeypatch, capsys):
     assert "airframe needs rpm" in fails(
         capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1.35
     )
-    assert "airframe.rotor must be a number 0.1 or more and at most 24 m" in fails(
+    assert "airframe.rotor must be a number 0.1 or more and at most 40 m" in fails(
         capsys, "vehicle", "new", "own", "--mass", 4.2, "--rotor", 1350, "--rpm", 2100
     )
     # 42 kg on a rotor of 0.35 m: no pitch of the blades lifts it

@@ -54,7 +54,7 @@ _STIFFER = {True: 3.0, False: 0.0}
 _SLOWEST = 0.3
 _SPAN = 3.0  # dB from Level 1 to the end of Level 2
 _GROWTH = Limit(1e-3, 0.05)
-_FAST = 30.0  # rad/s, crossover, or more by as much as loads are stiffened
+_FAST = 30.0  # rad/s, limit of crossovers, or 3 dB more than that of the law before
 
 
 def attitude_start(
@@ -148,11 +148,11 @@ def usual_specs(
 ) -> tuple[Spec, ...]:
     """Return the specifications of a law that replaces another one on a small helicopter.
 
-    Hard: stability, margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay,
-    damping of ADS-33E-PRF, and quickness where the law before has Level 1, and disturbance
-    rejection, by Froude's law; rejection bandwidth 1.3 times (yaw: 1 time) that of the law before,
-    loads rejected better, for which crossovers may grow. Objective: actuator use. `period` in s,
-    `diameter` in m, `rate_limit` unitised, a second.
+    Hard: stability, margins of 45 deg and 6 dB at the actuators. Soft, by Froude's law: bandwidth,
+    phase delay and damping of ADS-33E-PRF, and its quickness where the law before has Level 1;
+    disturbance rejection, with 1.3 times (yaw: 1 time) the bandwidth of the law before; loads that
+    turn it less; crossover below 30 rad/s, or 1.4 times that of the law before. Objective: actuator
+    use. `period` in s, `diameter` in m, `rate_limit` unitised, a second.
     """
     scale = froude_scale(diameter)
     loop = ClosedLoop(plant, before.linear(period), GRID)
@@ -176,7 +176,7 @@ def usual_specs(
         slow = isinstance(spec.criterion, AttitudeQuickness) and not _quick(spec.criterion, loop)
         found.append(replace(spec, kind="check") if slow else spec)
     for axis in ATTITUDES:
-        # 3 dB more, as its own loads are to turn it less
+        # 3 dB, by which its own loads turn it less
         fast = max(_FAST, 10.0**0.15 * margins(loop.broken(axis, "actuators")).crossover)
         found += [
             Spec(Crossover(axis=axis, frequency=Limit(fast, 2.0 * fast))),

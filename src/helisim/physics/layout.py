@@ -38,7 +38,7 @@ ParamIndex = namedtuple(
     # fuselage: drag areas and where they act, volumes of its moments, wash over induced velocity
     "drag_x drag_y drag_z drag_centre_x drag_centre_z pitch_volume pitch_zero yaw_volume "
     "download "
-    # fin and tailplane
+    # fin and tailplane, in the same order, which `flow.surface` counts on
     "fin_area fin_x fin_z fin_stall fin_pressure fin_slope fin_cosine fin_sine tailplane_area "
     "tailplane_x tailplane_z tailplane_stall tailplane_pressure tailplane_slope "
     "tailplane_cosine tailplane_sine "

@@ -62,7 +62,8 @@ _TUNING = {
 class Airframe(Checked):
     """What a pilot knows of a helicopter; None is estimated from another one, in proportion.
 
-    Limits are those of what flies, so that millimetres, grams and milliseconds are refused.
+    Limits hold what flies, of 10 g to the Mi-26: lengths in millimetres are refused, and times in
+    milliseconds; a mass in grams may not be.
 
     Attributes:
         mass: as it flies, kg.
@@ -75,15 +76,15 @@ class Airframe(Checked):
         servo: of the swashplate, s for 60 degrees.
     """
 
-    mass: float = setting(unit="kg", low=0.01, high=50000.0)
-    rotor: float = setting(unit="m", low=0.1, high=24.0)
+    mass: float = setting(unit="kg", low=0.01, high=60000.0)
+    rotor: float = setting(unit="m", low=0.1, high=40.0)
     rpm: float = setting(low=100.0, high=6000.0)
     blades: int | None = setting(None, low=2, high=8)
-    chord: float | None = setting(None, unit="m", low=0.005, high=1.0)
-    tail_rotor: float | None = setting(None, unit="m", low=0.02, high=6.0)
-    tail_chord: float | None = setting(None, unit="m", low=0.003, high=0.4)
+    chord: float | None = setting(None, unit="m", low=0.005, high=1.5)
+    tail_rotor: float | None = setting(None, unit="m", low=0.02, high=10.0)
+    tail_chord: float | None = setting(None, unit="m", low=0.003, high=0.8)
     tail_ratio: float | None = setting(None, low=1.0, high=12.0)
-    tail_arm: float | None = setting(None, unit="m", low=0.05, high=15.0)
+    tail_arm: float | None = setting(None, unit="m", low=0.05, high=25.0)
     servo: float | None = setting(None, unit="s", low=0.01, high=1.0)
 
     def ratios(self, other: Mapping[str, float]) -> "Ratios":
