@@ -36,15 +36,6 @@ def test_proofs_and_benchmarks_find_what_they_import():
 
 
 @pytest.mark.slow
-def test_a_controller_of_ones_own_flies(run):
-    printed = run("own_controller.py", 0.3, 0.5)
-    peaks, errors = zip(*re.findall(r"sensitivity ([\d.]+), rate error ([\d.]+)", printed))
-    assert float(peaks[0]) > float(peaks[1]) > 1.0
-    assert float(errors[0]) > float(errors[1]) > 0.0
-    assert printed.count("the same flight: True") == 2
-
-
-@pytest.mark.slow
 def test_an_agent_of_a_few_lines_flies(run):
     printed = run("fly_in_gymnasium.py", 4)
     assert "heading_error_sine" in printed

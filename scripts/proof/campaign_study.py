@@ -8,10 +8,6 @@ scatter and coverage at any condition: `helisim study campaign study --by record
 
     helisim study campaign scripts/campaigns/study.toml --out study
     python scripts/proof/campaign_study.py study
-    python scripts/proof/campaign_study.py rk4 euler
-
-Of two campaigns with the same seeds: what their difference moves, the mean and the greatest
-difference of the same replicates' estimates, in percent of the truth, beside their scatter.
 """
 
 from collections import defaultdict
@@ -155,33 +151,7 @@ def bound(model: str, parameter: str) -> float:
     return one.paper_tolerance(parameter, printed.cr_percent).percent / 100.0
 
 
-def compare(first: str, second: str) -> None:
-    same = ("replicate", "seed", "flights", "method", "model", "parameter")
-    one, other = (
-        {
-            tuple(row[name] for name in same): (row["estimate"] - row["truth"]) / abs(row["truth"])
-            for row in read_dataset(path)[0].to_pylist()
-            if row["failure"] is None
-        }
-        for path in (first, second)
-    )
-    both = [key for key in one if key in other]
-    print(f"{second} less {first}, {len(both)} estimates in both; % of the truth\n")
-    lines = []
-    for group in dict.fromkeys(key[2:] for key in both):
-        keys = [key for key in both if key[2:] == group]
-        moved = 100.0 * np.array([other[key] - one[key] for key in keys])
-        scatter = 100.0 * np.std([one[key] for key in keys], ddof=1)
-        numbers = len(keys), moved.mean(), np.abs(moved).max(), scatter
-        lines.append((f"{group[2]} {group[3]}", *numbers, abs(moved.mean()) / scatter))
-    common.table(
-        "parameter:<26|n:4|mean:9.3f|greatest:10.3f|scatter:9.3f|mean/scatter:14.2f", lines
-    )
-
-
-def main(path: str, other: str = "") -> None:
-    if other:
-        return compare(path, other)
+def main(path: str) -> None:
     table, provenance = read_dataset(path)
     rows = table.to_pylist()
     plan = provenance["campaign"]

@@ -1,16 +1,13 @@
-"""Lost samples beside whole records: values inside their bounds, figures inside their intervals.
+"""Logs of ArduPilot's mode SystemID that lost messages, beside the whole ones.
 
-Flights of the six truths of `scripts/proof/verdicts.py` lose samples in all channels at once, in
-bursts of 20 to 250 ms or one by one; they are read and identified beside the truth. Logs of
-ArduPilot's mode SystemID lose messages in these ways and as a full buffer loses them, four of five
-in bursts of 5 to 80 ms: what `helisim identify` and `helisim margins` tell of the rest stands
-beside what they tell of the whole log.
+In bursts of 20 to 250 ms, one by one, or as a full buffer loses them, four of five in bursts of 5
+to 80 ms: what `helisim identify` and `helisim margins` tell of the rest stands beside what they
+tell of the whole log. Truths without samples: `python scripts/proof/verdicts.py --only lost`.
 
-    python scripts/proof/lost_samples.py [--seeds 2] [--only yaw,bursts] [LOG ...]
+    python scripts/proof/lost_samples.py LOG [LOG ...] [--seeds 2] [--only bursts]
 
 A bound is the Cramer-Rao bound that is printed beside a value. The exit status is 1 if a value lies
-outside its bound, a figure's interval doesn't hold that of the whole log, or a fit is sound with a
-main parameter more than three stated errors (and 1 %) off.
+outside its bound or a figure's interval doesn't hold that of the whole log.
 """
 
 import tempfile
@@ -18,7 +15,7 @@ from pathlib import Path
 
 import common
 import numpy as np
-import verdicts
+from verdicts import lost
 
 import helisim as hs
 from helisim.handling.measured.interval import Interval
@@ -27,32 +24,6 @@ from helisim.look.systemid import estimate_fits, infer
 
 CASES = (("bursts", 0.16), ("single", 0.08), ("single", 0.28), ("buffer", 0.18), ("buffer", 0.28))
 KEPT = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "MODE", "SIDS", "VER", "DSF"}
-LENGTHS = {"bursts": (0.02, 0.25), "buffer": (0.005, 0.08)}  # s
-SPILT = 0.8  # of messages that a full buffer loses
-MAX_GAP = 1.0  # s, as of SystemID's logs
-
-
-def lost(time: np.ndarray, kind: str, share: float, dice: np.random.Generator) -> np.ndarray:
-    """Return which of the samples at (n_time,) s are lost, about a share of them."""
-    if kind == "single":
-        return dice.random(time.size) < share
-    spilt = SPILT if kind == "buffer" else 1.0
-    first, last = float(time.min()), float(time.max())
-    away = np.zeros(int(1e3 * (last - first)) + 2, bool)
-    while away.mean() < share / spilt:
-        at = int(dice.integers(away.size))
-        away[at : at + round(1e3 * dice.uniform(*LENGTHS[kind]))] = True
-    return away[(1e3 * (time - first)).astype(int)] & (dice.random(time.size) < spilt)
-
-
-def without(
-    one: hs.FlightRecord, kind: str, share: float, dice: np.random.Generator
-) -> hs.FlightRecord:
-    """Return a record as it is read after samples were lost."""
-    keep = ~lost(one.time, kind, share, dice)
-    keep[[0, -1]] = True
-    left = hs.FlightRecord(one.time[keep], one.values[keep], one.channels)
-    return hs.screen(left, resample_hz=1.0 / one.sample_time, max_gap=MAX_GAP).record
 
 
 def cut(source: Path, target: Path, kind: str, share: float, seed: int) -> None:
@@ -113,22 +84,8 @@ def of_log(source: Path, target: Path, whole: dict[str, hs.Fit], loops: dict) ->
     return text, inside == len(within) and held == len(seen)
 
 
-def judged(name: str, kind: str, share: float, seed: int) -> verdicts.Judged:
-    """Return the verdict on a truth's flights after a loss."""
-    truth, dice = verdicts.TRUTHS[name], np.random.default_rng([seed, round(100 * share)])
-    records = [without(one, kind, share, dice) for one in verdicts.flights(truth, seed)]
-    return verdicts.judged(truth, records)
-
-
 def main(*logs: Path, seeds: int = 2, only: str = "") -> int:
-    missed, cases = 0, [one for one in CASES if common.wanted(only, one[0])] or CASES
-    names = ",".join(one for one in only.split(",") if one not in dict(CASES))
-    for name in () if logs else verdicts.TRUTHS:
-        for kind, share in cases if common.wanted(names, name) else ():
-            found = [judged(name, kind, share, seed) for seed in range(seeds)]
-            missed += sum(one.misled for one in found)
-            words, off = ", ".join(one.word for one in found), max(one.errors for one in found)
-            print(f"{name:18s}{kind:8s}{share:5.0%}  {words}; at most {off:.1f} errors", flush=True)
+    missed, cases = 0, [one for one in CASES if common.wanted(only, one[0])]
     for log in logs:
         with common.quiet(), tempfile.TemporaryDirectory() as folder:
             whole, loops, target = fits(log), figures(log), Path(folder, log.name)

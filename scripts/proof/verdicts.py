@@ -1,10 +1,11 @@
 """Verdicts beside truths: clean flights are to be "sound", damaged ones are not, or unharmed.
 
 Six truths that the package has no part in are simulated at 1 kHz by SciPy's matrix exponential and
-recorded at 100 Hz with noise; 22 kinds of damage are done to the first. A wrong number said with
-confidence is a main parameter more than three stated errors (and 1 %) off in a fit that is "sound",
-unless the record can't show the damage: a fit that has the missing part, where it belongs, finds it
-within three errors of nothing. Such fits are counted apart.
+recorded at 100 Hz with noise; 22 kinds of damage are done to the first, and all lose samples, in
+bursts of 20 to 250 ms or one by one. A wrong number said with confidence is a main parameter more
+than three stated errors (and 1 %) off in a fit that is "sound", unless the record can't show the
+damage: a fit that has the missing part, where it belongs, finds it within three errors of nothing.
+Such fits are counted apart.
 
     python scripts/proof/verdicts.py [--seeds 10] [--clean 34] [--only saturates,clock]
 
@@ -27,6 +28,7 @@ from helisim.ident.structure import with_blocks
 
 FINE, EVERY = 1e-3, 10  # s of the simulation's step; samples of it between those recorded
 ERRORS, SHARE = 3.0, 0.01  # stated errors, and share of the value, from which a parameter is wrong
+LENGTHS, SPILT = {"bursts": (0.02, 0.25), "buffer": (0.005, 0.08)}, 0.8  # s; share of a buffer's
 ALLOWED = 0.02  # share of clean flights that may not be sound
 Columns = dict[str, np.ndarray]
 
@@ -172,6 +174,34 @@ def bursts(c: Columns, seed: int, n: int, share: float = 0.16) -> Columns:
     return {name: np.interp(k, k[known], v[known]) for name, v in c.items()}
 
 
+def lost(time: np.ndarray, kind: str, share: float, dice: np.random.Generator) -> np.ndarray:
+    """Return which of the samples at (n_time,) s are lost, about a share of them."""
+    if kind == "single":
+        return dice.random(time.size) < share
+    spilt = SPILT if kind == "buffer" else 1.0
+    first, last = float(time.min()), float(time.max())
+    away = np.zeros(int(1e3 * (last - first)) + 2, bool)
+    while away.mean() < share / spilt:
+        at = int(dice.integers(away.size))
+        away[at : at + round(1e3 * dice.uniform(*LENGTHS[kind]))] = True
+    return away[(1e3 * (time - first)).astype(int)] & (dice.random(time.size) < spilt)
+
+
+def losing(kind: str, share: float):
+    """Return a damage that leaves samples out in all columns at once, as a log is read then."""
+
+    def damage(truth: Truth, seed: int) -> list[hs.FlightRecord]:
+        dice, found = np.random.default_rng([seed, round(100 * share)]), []
+        for one in flights(truth, seed):
+            keep = ~lost(one.time, kind, share, dice)
+            keep[[0, -1]] = True
+            left = hs.FlightRecord(one.time[keep], one.values[keep], one.channels)
+            found += hs.screen(left, resample_hz=1.0 / one.sample_time, max_gap=1.0).records
+        return found
+
+    return damage
+
+
 def gusts(c: Columns, seed: int, n: int) -> Columns:
     dice, found = np.random.default_rng([seed, n]), dict(c)
     for name in ("p", "q"):
@@ -212,6 +242,10 @@ DAMAGES = {
     "time shift of outputs": mapped(lambda v: np.roll(v, -6), (*RATES, *ANGLES, "psi")),
 }
 _LAG = {"lat,lon": "first_order:name=missing"}
+LOST = {
+    f"{share:.0%} lost, {kind}": losing(kind, share)
+    for kind, share in (("bursts", 0.16), ("single", 0.08), ("single", 0.28))
+}
 MISSING = {"servo lag missing": _LAG, "servo lag, quiet": _LAG}
 """What a structure lacks of a damaged vehicle, in series; the record decides whether it shows."""
 
@@ -260,6 +294,8 @@ def judged(
 
 def main(*, seeds: int = 10, clean: int = 34, only: str = "") -> int:
     cases = [(name, "rollpitch", damage, seeds) for name, damage in DAMAGES.items()]
+    lossy = [(f"{how}, {name}", name, one) for how, one in LOST.items() for name in TRUTHS]
+    cases += [(*one, min(seeds, 2)) for one in lossy]
     cases += [(f"clean {name}", name, flights, clean) for name in TRUTHS]
     cases = [one for one in cases if one[3] and common.wanted(only, one[0])]
     wrong = hidden = flown = unsound = 0

@@ -140,14 +140,13 @@ def test_a_clean_flight_is_sound_and_right(name):
 
 # A log that lost samples tells the same within its grown errors, or says that it doesn't.
 
-lost_samples = script.loaded("proof/lost_samples")
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "kind", "share"), [("yaw", "bursts", 0.16), ("ship", "single", 0.28)]
+    ("name", "lost"), [("yaw", "16% lost, bursts"), ("ship", "28% lost, single")]
 )
-def test_a_truth_is_found_without_samples_that_were_lost(name, kind, share):
-    found = lost_samples.judged(name, kind, share, 3)
+def test_a_truth_is_found_without_samples_that_were_lost(name, lost):
+    truth = verdicts.TRUTHS[name]
+    found = verdicts.judged(truth, verdicts.LOST[lost](truth, 3))
     assert not found.misled
     assert found.errors < verdicts.ERRORS
