@@ -5,11 +5,11 @@
     python scripts/proof/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
 cosmic-ray's operators make the mutants: of a seeded sample of places in the sources, one that is
-still Python; annotations, decorators and `TYPE_CHECKING` are left out. The tests run once under
-coverage, so that a mutant meets only tests that execute its line, the restated laws and then the
-fastest first, until one fails. What never ends, in CPU time or in waiting, counts as killed. The
-physics runs interpreted (tests/interpreted.py), so that kernel.py, which compiles it, is left out.
-Everything happens in a copy of the checkout.
+still Python; annotations, decorators and `TYPE_CHECKING` are left out. What .ci/run runs, slow
+tests too, runs once under coverage, so that a mutant meets only tests that execute its line, the
+restated laws and then the fastest first, until one fails. What never ends, in CPU time or in
+waiting, counts as killed. The physics runs interpreted (tests/interpreted.py), so that kernel.py,
+which compiles it, is left out. Everything happens in a copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %. The exit status is 1 if fewer than 85 % are killed.
@@ -157,7 +157,7 @@ class Baseline:
         self.coverage.start()
         for path in sorted((self.root / "src" / "helisim" / area).glob("[!_]*.py")):
             import_module(f"helisim.{area}.{path.stem}")  # what is imported later is no test's own
-        options = ["-q", "-n0", "-m", "not slow and not study", *PLAN["tests"][area]]
+        options = ["-q", "-n0", "-m", "not study", *PLAN["tests"][area]]
         status = pytest.main(options, plugins=[self])
         self.coverage.stop()
         data = self.coverage.get_data()

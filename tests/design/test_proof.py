@@ -1,5 +1,6 @@
 """A proof: sweeps as large as stays linear, stops, comparisons, and what is missed."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -150,6 +151,17 @@ def test_events_of_a_proof_are_steps_from_rest_and_one_gust_with_both_laws(short
     assert east == pytest.approx(6.0, rel=0.2)
     assert gusts[0].provenance["weather"] == gusts[1].provenance["weather"]
     assert np.abs(gusts[0]["phi"] - gusts[1]["phi"]).max() > 0.01  # by two laws
+
+
+def test_a_proof_is_written_with_every_record(short, tmp_path):
+    short.write(tmp_path)
+    events = {f"{name}.parquet": one for name, one in short.events.items()}
+    events |= {f"before_{name}.parquet": one for name, one in short.before.items()}
+    events |= {f"{name}_0001.parquet": one for name, (one,) in short.sweeps.items()}
+    assert {one.name for one in tmp_path.iterdir()} == {*events, "proof.json"}
+    for name, one in events.items():
+        np.testing.assert_array_equal(hs.read_record(tmp_path / name).values, one.values)
+    assert json.loads((tmp_path / "proof.json").read_text())["stops"] == short.stops
 
 
 def rated(level):

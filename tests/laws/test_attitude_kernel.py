@@ -113,6 +113,14 @@ class Roll:
         return np.stack([rate, turned])[:, None]
 
 
+def test_it_starts_with_its_models_at_the_motion():
+    ticks, motion = Ticks(HOLDS), {"phi": 0.2, "theta": -0.1, "psi": 1.5}
+    seen = STILL._replace(**motion, p=0.3, q=-0.4, r=0.7)
+    COMPILED.reset(seen, ticks.state, ticks.settings)
+    found = [ticks.states(stick)[:2].tolist() for stick in STATES]
+    assert found == [[0.2, 0.3], [-0.1, -0.4], [1.5, 0.7]]
+
+
 @pytest.mark.parametrize(("stick", "angle"), [("LAT", "phi"), ("LON", "theta"), ("PED", "psi")])
 def test_an_integral_does_not_wind_up(stick, angle):
     """At its stop it stays what it was, and works again when the command comes back."""

@@ -158,6 +158,29 @@ def test_what_is_no_law_says_what_is_wrong(kind, change, message, jr700):
         hs.law_of({key: one for key, one in {**data, **changed}.items() if one is not None})
 
 
+ENDS = {  # of the firmware's settings: pg/pid.c, pg/rates.c, pg/mixer.c and its command line
+    "limit": (1.0, 2500.0),
+    "rate": (1.0, 2000.0),
+    "expo": (0.0, 1.0),
+    "error_limit": (1.0, 180.0),
+    **dict.fromkeys(("p", "d", "f", "b", "gyro_cutoff", "d_cutoff", "b_cutoff"), (0.0, 1000.0)),
+    **dict.fromkeys(("relax_level", "relax_cutoff", "error_decay_time"), (0.0, 1000.0)),
+    **dict.fromkeys(("response_time", "error_decay_limit"), (0.0, 1000.0)),
+}
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_settings_reach_to_the_firmwares_ends_and_no_further(jr700, end):
+    law = hs.Rotorflight.of(jr700)
+    for axis in (law.roll, law.pitch, law.yaw):
+        own = {"offset_limit": (0.0, 180.0)} if axis is not law.yaw else {}
+        ends = {name: pair[end] for name, pair in (ENDS | own).items()}
+        replace(axis, **ends)
+        for name, value in ends.items():
+            with pytest.raises(InputError, match=name):
+                replace(axis, **{name: value + (2.0 * end - 1.0)})
+
+
 def test_compiled_matrices_act_within_limits_and_are_cut_off_beyond(jr700):
     vehicle = jr700
     law = random_law()

@@ -3,6 +3,7 @@
 import json
 import shlex
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from helisim.logs import Clock, Column
 from helisim.logs.examples import examples
 from helisim.look import look
 from helisim.look.excitation import answers, whole
+from helisim.look.look import _band
 from helisim.records.record import CHANNELS, FlightRecord
 from tabled import tabled
 
@@ -43,6 +45,14 @@ def rolled(duration=60.0, fine=1000.0, seed=0):
     decay = np.exp(-DAMPING / fine)
     p = lfilter([0.0, (1.0 - decay) * GAIN / DAMPING], [1.0, -decay], late)
     return t, lat, p, np.cumsum(p) / fine
+
+
+@pytest.mark.parametrize(("low", "told"), [(0.1234, 0.13), (2.0, 2.0), (3.41, 3.5), (10.2, 11.0)])
+def test_a_proposed_band_begins_two_digits_above_where_all_is_coherent(low, told):
+    rows = [("lat", "p", low, 30.0), ("LAT", "p", 0.1, 35.0), ("lat", "q", 0.05, 50.0)]
+    rows = [SimpleNamespace(**dict(zip(("input", "output", "low", "high"), row))) for row in rows]
+    one = SimpleNamespace(answers=rows, durations=[600.0])
+    assert _band([one], ["lat"], ["p"]) == (told, 35.0)
 
 
 def sampled(rate, jitter, seed, *columns):

@@ -27,13 +27,14 @@ def shaken(time, tones=TONES, drift=0.0, noise=0.002):
     return one[:, None] * [1.0, 0.5, 0.2] + noise * noises
 
 
-def a_log(folder, *, batches=(), loops=(), slow=(), rpm=None, own=OWN):
+def a_log(folder, *, batches=(), loops=(), imu=(), step=2_500, rpm=None, own=OWN, ends=True):
     log = SidLog(parameters=own, without=("SIDD",))
     log.define(20, "ISBH", "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate")
     log.define(21, "ISBD", "QHHaaa", "TimeUS,N,seqno,x,y,z")
     log.define(22, "IMU", "Qfff", "TimeUS,GyrX,GyrY,GyrZ", units="sEEE", multipliers="F---")
     log.define(23, "RPM", "Qff", "TimeUS,rpm1,rpm2", units="s--", multipliers="F--")
-    log.write(12, 9_000_000, 28)
+    for _ in range(ends):
+        log.write(12, 9_000_000, 28)
     for n, k in enumerate(range(0, len(batches) - 1023, 1024)):
         at = 10_000_000 + 1000 * k
         log.write(20, at, n, n % 2, 0, 938, 1024, at, 1000.0)  # accelerometer and gyro by turns
@@ -42,11 +43,12 @@ def a_log(folder, *, batches=(), loops=(), slow=(), rpm=None, own=OWN):
     if len(loops):
         rates = np.insert(np.degrees(loops), (0, 1, 1, 2, 2, 3, 3, 3, 3), 0.0, axis=1).T
         log.messages.append(log._rows(6, 10.0 + np.arange(len(loops)) / 400.0, rates).tobytes())
-    for k, rate in enumerate(slow):
-        log.write(22, 10_000_000 + 40_000 * k, *rate)
+    for k, rate in enumerate(imu):
+        log.write(22, 10_000_000 + step * k, *rate)
     for k in range(400 * (rpm is not None)):
         log.write(23, 10_000_000 + 100_000 * k, rpm * (1.0 + 1e-3 * np.sin(k)), 0.0)
-    log.write(12, 54_000_000, 18)
+    for _ in range(ends):
+        log.write(12, 54_000_000, 18)
     return log.save(folder)
 
 
@@ -70,13 +72,26 @@ def test_a_tone_above_half_the_rate_is_told_as_one_that_may_appear_there(tmp_pat
     assert "10/rev of main, if 283 Hz appears there" in [one.name for one in found.peaks]
 
 
+@pytest.mark.parametrize("ends", [False, True])
+def test_gyros_that_are_logged_behind_the_filters_are_as_they_are_now(tmp_path, ends):
+    """As logged with events of lift-off and landing, and without; a notch is foreseen alike."""
+    rates = shaken(np.arange(16_000) / 400.0)
+    found = vibration(a_log(tmp_path, imu=rates, ends=ends))
+    assert (found.source, found.rate) == ("IMU", pytest.approx(400.0))
+    assert "IMU is logged behind the gyro's filters" in found.remarks[-1]
+    tones = {one.name: one for one in found.peaks}
+    for name, size in (("1/rev of main", 0.1), ("4/rev of main", 0.16), ("1/rev of tail", 0.12)):
+        assert tones[name].logged == tones[name].now == pytest.approx(size, rel=0.05)
+        assert tones[name].left < 0.05 * tones[name].now
+
+
 def test_without_tones_or_fast_messages_nothing_is_proposed(tmp_path):
     quiet = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT, {})))
     assert (quiet.peaks, quiet.settings) == ((), {})
     weak = vibration(a_log(tmp_path, batches=shaken(IN_FLIGHT, {1.0: 2e-3, 2.0: 2e-3})))
     assert len(weak.peaks) == 2
     assert not weak.settings  # no servo moves by them
-    slow = vibration(a_log(tmp_path, slow=shaken(IN_FLIGHT[::40])))
+    slow = vibration(a_log(tmp_path, imu=shaken(IN_FLIGHT[::40]), step=40_000))
     assert not slow.settings
     assert "set INS_LOG_BAT_MASK 1" in slow.remarks[0]
 

@@ -115,14 +115,9 @@ def test_derivatives_about_the_hover_lie_on_a_smooth_curve(name):
 
 verdicts = script.loaded("proof/verdicts")
 
-MORE = ("clock 10 % fast", "2 % dropped, restamped")
-OTHERS = ("saturates at half", "p and q swapped", "servo lag, quiet", "two trims")
-OTHERS += ("rates in deg/s, no attitude", "16 % lost in bursts, filled", "lat and lon swapped")
-LONGER = [pytest.param(one, marks=pytest.mark.slow) for one in MORE]
-LONGER += [pytest.param(one, marks=pytest.mark.study) for one in OTHERS]
 
-
-@pytest.mark.parametrize("damage", LONGER)
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", ["clock 10 % fast", "2 % dropped, restamped"])
 def test_a_damaged_flight_is_not_sound(damage):
     truth = verdicts.TRUTHS["rollpitch"]
     assert verdicts.judged(truth, verdicts.DAMAGES[damage](truth, 3)).word in ("doubtful", "wrong")
