@@ -1,7 +1,9 @@
 """What the tests of physics, vehicle and simulation share."""
 
 import copy
+import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -83,6 +85,46 @@ def ardupilot() -> Path:
 def jr700() -> Vehicle:
     """The calibrated vehicle. Tests copy its model before they change it."""
     return load("jr700")
+
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
+
+
+def flat(data: object, place: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the places of plain data, such as "logs[0].path", each with its text."""
+    if isinstance(data, dict | list | tuple) and data:
+        named = data.items() if isinstance(data, dict) else enumerate(data)
+        for name, one in named:
+            yield from flat(one, f"{place}.{name}".lstrip("."))
+    else:
+        yield place, f"{data:.6g}" if isinstance(data, float) else str(data)
+
+
+@pytest.fixture
+def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[object], None]:
+    """Compare plain data with what test_a.json keeps of this test, or keep it: HELISIM_KEEP=1.
+
+    Words as they are; numbers within 0.2 %, half of a third digit that is rounded.
+    """
+
+    def compare(data: object) -> None:
+        path = request.path.with_suffix(".json")
+        known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        found = {place: text.replace(str(tmp_path), "TMP") for place, text in flat(data)}
+        if os.environ.get("HELISIM_KEEP"):
+            text = json.dumps(dict(sorted({**known, request.node.name: found}.items())), indent=1)
+            path.write_text(text + "\n", encoding="utf-8")
+            return
+        one, other = (
+            {place: NUMBER.sub("#", text) for place, text in each.items()}
+            for each in (found, known[request.node.name])
+        )
+        assert one == other
+        for place, text in known[request.node.name].items():
+            numbers = [list(map(float, NUMBER.findall(each))) for each in (found[place], text)]
+            assert numbers[0] == pytest.approx(numbers[1], rel=2e-3, abs=1e-9), place
+
+    return compare
 
 
 @pytest.fixture

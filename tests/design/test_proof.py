@@ -11,6 +11,7 @@ from small_design import PERIOD, SmallLaw, SmallPlant
 
 import helisim as hs
 from helisim.base.errors import InputError
+from helisim.base.settings import to_plain
 from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import (
     LINEAR,
@@ -174,3 +175,7 @@ def test_hard_and_soft_specifications_are_held_against_flight_first(kind, flown,
     row = SimpleNamespace(spec=spec, flown=rated(flown), exact=rated(exact))
     misses = Proof.misses.fget(SimpleNamespace(table=(row,)))
     assert misses == (() if said is None else (f"stability_margins of roll: {said}",))
+
+
+def test_a_short_proof_is_as_kept(short, kept):
+    kept([short.to_dict(), {name: to_plain(wave) for name, wave in SWEEPS.items()}])

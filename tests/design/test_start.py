@@ -12,6 +12,7 @@ from small_design import PERIOD, SmallLaw, SmallPlant, small_specs
 
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
+from helisim.base.settings import to_plain
 from helisim.design.descent import Goal, Trial, descend
 from helisim.design.design import DesignResult, Judged, design
 from helisim.design.problem import (
@@ -456,3 +457,11 @@ def test_a_hump_counts_by_its_height(asked, hump):
     # 2 %: the hump's top lies between points of the grid, and a little beside its middle
     expected = min(rated.distance, ((-3.0103 if asked is DRB else 0.0) - hump) / 15.0)
     assert distance(asked, Humped(hump)) == pytest.approx(expected, abs=0.02)
+
+
+def test_a_start_and_its_specifications_are_as_kept(kept):
+    plant = Helicopter(0.2)
+    law, bounds = attitude_start(plant, period=0.002)
+    how = {"period": 0.002, "diameter": 1.534, "rate_limit": 10.0}
+    specs = usual_specs(plant, gains(0.05), **how)
+    kept([law.to_dict(), bounds, [[one.kind, to_plain(one.criterion)] for one in specs]])

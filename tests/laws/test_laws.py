@@ -2,7 +2,7 @@
 
 import math
 import shutil
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -239,3 +239,24 @@ def test_a_law_follows_the_vehicle_that_flies_it(jr700):
 def test_a_law_in_a_model_of_mujoco_s_own_needs_a_vehicle(jr700):
     with pytest.raises(InputError, match=r"give law\.on\(vehicle\)"):
         hs.set_controller(jr700.model, HOLDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_law_is_as_kept(kind, jr700, kept):
+    """What it leaves out, its response, and the first commands of its compiled form."""
+    own = KINDS[kind](jr700)
+    linear, parts = own.linear(0.002), own.to_dict()
+    controller = own.on(jr700)
+    kept([parts, np.abs(linear.response(OMEGA[::12])).tolist(), list(controller.settings)])
+
+
+PARTS = (hs.laws.AttitudeAxis, hs.laws.YawAxis, hs.laws.RateAxis, hs.laws.YawRateAxis)
+
+
+def test_what_is_left_out_is_as_kept(kept):
+    kept(
+        {
+            one.__name__: {f.name: str(f.default) for f in fields(one) if f.default is not MISSING}
+            for one in PARTS
+        }
+    )
