@@ -87,6 +87,7 @@ def jr700() -> Vehicle:
     return load("jr700")
 
 
+ROOT = str(Path(__file__).parents[1])
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 
 
@@ -110,7 +111,10 @@ def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[object], N
     def compare(data: object) -> None:
         path = request.path.with_suffix(".json")
         known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        found = {place: text.replace(str(tmp_path), "TMP") for place, text in flat(data)}
+        found = {
+            place: text.replace(str(tmp_path), "TMP").replace(ROOT, "ROOT")
+            for place, text in flat(data)
+        }
         if os.environ.get("HELISIM_KEEP"):
             text = json.dumps(dict(sorted({**known, request.node.name: found}.items())), indent=1)
             path.write_text(text + "\n", encoding="utf-8")

@@ -115,10 +115,12 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
 
 
 def _verification_page(verification: Verification) -> tuple[str, ...]:
-    judged = "acceptable" if verification.acceptable else "not acceptable"
     return (
         "Verification",
-        paragraph(f"Theil's coefficient {verification.tic:.3f}: {judged}."),
+        paragraph(
+            f"Theil's coefficient {verification.tic:.3f}: "
+            f"{'' if verification.acceptable else 'not '}acceptable."
+        ),
         page.table(tables.verification({"": verification.figures})),
         page.figures(draw_verifications("", verification)[:_FEW]),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from helisim.base.errors import InputError, ModelError, StorageError
 from helisim.base.files import make_folder, read_toml
 from helisim.base.settings import Checked, setting
-from helisim.base.units import RAD_S_PER_RPM
+from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.study.paper import published
 from helisim.vehicle import calibrate, load, read_parameters, standard_parameters
 from helisim.vehicle.build import Change, elements, write_changes, write_numbers
@@ -62,8 +62,8 @@ _TUNING = {
 class Airframe(Checked):
     """What a pilot knows of a helicopter; None is estimated from another one, in proportion.
 
-    Limits hold what flies, of 10 g to the Mi-26: lengths in millimetres are refused, and times in
-    milliseconds; a mass in grams may not be.
+    Limits hold what flies, of 10 g to the Mi-26: lengths in millimetres are refused, times in
+    milliseconds, and a mass in grams by the disc loading.
 
     Attributes:
         mass: as it flies, kg.
@@ -86,6 +86,15 @@ class Airframe(Checked):
     tail_ratio: float | None = setting(None, low=1.0, high=12.0)
     tail_arm: float | None = setting(None, unit="m", low=0.05, high=25.0)
     servo: float | None = setting(None, unit="s", low=0.01, high=1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (loading := STANDARD_GRAVITY * self.mass / (0.25 * np.pi * self.rotor**2)) > 1000.0:
+            raise InputError(
+                f"{self.mass:g} kg on a rotor of {self.rotor:g} m is a disc loading of "
+                f"{loading:.3g} N/m^2, and helicopters have at most 1000 (the CH-53E 720): the "
+                "mass is in kg, the rotor a diameter in m"
+            )
 
     def ratios(self, other: Mapping[str, float]) -> "Ratios":
         """Return its mass, size and rotor speed over another vehicle's."""

@@ -55,12 +55,15 @@ class Everyday(Mission):
             yield from pilot.hold(pilot.rng.uniform(0.1, 0.8))
 
     def _circuit(self, pilot: Autopilot) -> Iterator[None]:
-        corners = pilot.rng.uniform(-_FAR, _FAR, (2, 2))
-        for north, east in corners:
+        for north, east in pilot.rng.uniform(-_FAR, _FAR, (2, 2)):
             course = math.atan2(east - pilot.wanted.east, north - pilot.wanted.north)
             yield from self._face(pilot, course)
-            speed = pilot.rng.uniform(0.5, 1.0) * self.speed
-            yield from pilot.go(north, east, speed=speed, acceleration=self._hurry(pilot))
+            yield from pilot.go(
+                north,
+                east,
+                speed=pilot.rng.uniform(0.5, 1.0) * self.speed,
+                acceleration=self._hurry(pilot),
+            )
 
     def _stop(self, pilot: Autopilot) -> Iterator[None]:
         wanted = pilot.wanted
