@@ -36,6 +36,8 @@ def test_seconds_are_taken_where_the_steps_say_so_and_others_are_asked_for(tmp_p
     with pytest.raises(StorageError) as raised:
         read_log(path, channels=RATE)
     assert [str(one.value) for one in raised.value.findings[0].remedy] == ["time:ms"]
+    even = read_log(path, channels=RATE, time="100:Hz").records[0].time
+    np.testing.assert_allclose(even, T, atol=1e-12)
 
 
 def test_numpy_and_matlab_are_read(tmp_path):

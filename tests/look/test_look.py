@@ -213,6 +213,30 @@ def test_a_closed_loop_is_told(tmp_path):
         assert ("--reference LAT" in command(found)) == told
 
 
+@pytest.mark.parametrize("swept", [0.0, 0.1])
+def test_a_command_that_only_a_controller_moves_shows_no_vehicle(tmp_path, swept, capsys):
+    """Gusts in a loop without a pilot: p over lat is minus one over the law, which leads."""
+    random, count = np.random.default_rng(2).standard_normal((2, 9000)), 9000
+    stick = swept * rolled()[1][::10][:count] / 0.1
+    stick = np.concatenate([stick, np.zeros(count - stick.size)])
+    p, lat = np.zeros(count), np.zeros(count)
+    for k in range(count - 1):
+        seen = p[k] + 0.01 * random[1, k]
+        lat[k + 1] = 0.6 * lat[k] + 0.4 * (stick[k] - 0.05 * seen)
+        p[k + 1] = p[k] + 0.01 * (GAIN * lat[k] - DAMPING * p[k] + 4.0 * random[0, k])
+    rows = {"R": p / RAD_PER_DEG, "ROut": lat}
+    path = tmp_path / "a.bin"
+    path.write_bytes(autopilot_logs.dataflash({"RATE": (1e4 * np.arange(count) + 1e6, rows)}))
+    found = look(path)
+    assert ("lat opposes what the gyro measures" in str(found)) == (not swept)
+    assert (found.proposal is None) == (not swept)
+    words = ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--band", "3", "60"]
+    words += ["--channel", "lat=RATE.ROut:1", "--channel", "p=RATE.R:deg/s", "--quiet"]
+    assert main(["identify", str(path), *words]) in (1, 3)
+    said = "feedback" if swept else "and opposes it, as what a controller answers"
+    assert said in " ".join(capsys.readouterr().out.split())
+
+
 def named(path, control, rate, scale=1.0):
     _, lat, p, phi = rolled()
     stamps, columns = sampled(50.0, 0.0, 3, lat, scale * p, phi / RAD_PER_DEG)

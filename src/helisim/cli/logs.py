@@ -113,8 +113,7 @@ def given_columns(options: Options) -> "Map":
 
     given = Map() if options.map is None else Map.from_toml(options.map)
     if options.time is not None:
-        column, _, unit = options.time.partition(":")
-        given = replace(given, time=Clock(column, unit or None))
+        given = replace(given, time=Clock.of(options.time))
     if options.names or options.log:
         given = replace(
             given,

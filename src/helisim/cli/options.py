@@ -277,7 +277,7 @@ how to read the logs:
 --channel NAME=... <many>  COLUMN:UNIT[:sign=-1][:trim=X][:range=X]; repeatable
 --names A,B,... <names =>  of the columns of a file without a heading
 --log N <int>  of several in a Blackbox file (default: largest)
---time COLUMN[:UNIT]  column of times, in s, ms, us, ...
+--time COLUMN[:UNIT]  column of times, in s, ms, us, ..., or RATE:Hz
 --resample HZ  make the samples uniform
 --repair NAME,... <many>  duplicates, frozen, gaps, missing, resets, spikes
 --max-gap S  longer steps are gaps (default: 4.5 median steps)

@@ -237,26 +237,30 @@ def implausible(
     values: Mapping[str, tuple[float, float]],
     poles: Iterable[complex],
     line: float,
+    opposed: bool,
 ) -> Iterator[Note]:
     """Yield what no vehicle has: `values` are parameters with standard errors.
 
-    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown.
+    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; `opposed` is
+    whether a rate falls where its control rises, and no reference says what moved that.
     """
     late = delay_names(structure)
     for one in structure.free:
         value, error = values[one.name]
-        if one.name in late and value < -_DELAY_ERRORS * error and value < -_EARLY:
-            text = (
+        least = max(_DELAY_ERRORS * error, 0.0 if opposed else _EARLY)
+        if one.name in late and value < -least:
+            yield Note(
+                "delay",
                 f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer leads its "
-                "cause; the columns' times differ, or the input is not what drives it"
+                f"cause{', and opposes it, as what a controller answers' * opposed}; the columns' "
+                "times differ, or the input is not what drives it",
             )
-            yield Note("delay", text)
         if one.unit == "rad" and abs(value) - error > _LARGEST_FLAPPING:
-            text = (
+            yield Note(
+                "flapping",
                 f"{one.name} is {value:.3g} rad per unit of stick, and blades flap by a fraction "
-                "of that; look at the units of the rates and of the input"
+                "of that; look at the units of the rates and of the input",
             )
-            yield Note("flapping", text)
     narrow = [pole for pole in poles if 0.0 < -2.0 * pole.real < line and pole.imag > line]
     if narrow:
         yield Note(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.base.arrays import Real
+from helisim.base.arrays import Complex, Real
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, check_known
 from helisim.base.files import atomic_write, check_suffix, write_json
@@ -21,7 +21,7 @@ from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import decibel
 from helisim.ident.conditions import Conditions
 from helisim.ident.scatter import ErrorModel
-from helisim.records.record import made_by
+from helisim.records.record import RAISED, made_by
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure
@@ -29,6 +29,13 @@ if TYPE_CHECKING:
 
 USABLE_COHERENCE = 0.6  # Partial coherence from which a point is usable (Tischler and Remple)
 FORMAT = "helisim frequency response, version 1"
+
+
+def opposes(omega: Real, response: Complex) -> bool:
+    """Return whether a response, (n_freq,), begins at -180 deg, by a line through its phase."""
+    return bool(
+        omega.size > 2 and np.cos(np.polyfit(omega, np.unwrap(np.angle(response)), 1)[1]) < -0.5
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +180,16 @@ class FrequencyResponse(Value, Displayed):
     def usable(self, limit: float = USABLE_COHERENCE) -> NDArray[np.bool_]:
         """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
         return self.coherence >= limit
+
+    @property
+    def opposed(self) -> bool:
+        """Whether a rate falls where the control rises that should raise it."""
+        return any(
+            opposes(self.frequency[self.usable()[at]], self.response[at][self.usable()[at]])
+            for control, rate in RAISED.items()
+            if control in self.inputs and rate in self.outputs
+            for at in [self.index(rate, control)]
+        )
 
     def plot(self, pairs: "Sequence[str] | str | None" = None) -> "Figure":
         """Draw magnitude, phase and coherence of `pairs`, such as ("p/lat",); default all."""

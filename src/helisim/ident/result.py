@@ -199,6 +199,7 @@ class Fit(Checked, Value, Displayed):
                 {name: (one.value, one.standard_error) for name, one in self.parameters.items()},
                 poles,
                 self.data.line,
+                not self.data.reference and self.data.opposed,
             ),
             *self.omitted,
             *([doubt] if doubt and not self.degenerate else []),

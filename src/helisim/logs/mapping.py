@@ -123,6 +123,21 @@ class Clock:
         if self.unit is not None:
             time_unit(self.unit)
 
+    @classmethod
+    def of(cls, text: str) -> "Clock":
+        """Return the clock that COLUMN, COLUMN:UNIT or RATE:Hz says."""
+        column, _, unit = text.partition(":")
+        return (
+            cls(rate=float(column))
+            if re.fullmatch(r"(?i)\d+(\.\d+)?:hz", text)
+            else cls(column, unit or None)
+        )
+
+    @property
+    def text(self) -> str:
+        """What `of` takes."""
+        return f"{self.rate:g}:Hz" if self.rate else f"{self.column}:{self.unit or ''}".strip(":")
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -177,7 +192,7 @@ class Map:
             channels = Map({k: Column(one) if isinstance(one, str) else one for k, one in given})
         if time is None:
             return channels
-        return replace(channels, time=Clock(time) if isinstance(time, str) else time)
+        return replace(channels, time=Clock.of(time) if isinstance(time, str) else time)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":

@@ -79,10 +79,10 @@ def cut(
             values, gone = _resampled(lines, time, stop, rate, factor)
             made.append(Cut(time, values, part, gone))
     if short:
-        said = (
+        said = [
             f"{first.counts}s {one.first_row} to {one.last_row} ({one.samples} samples)"
-            for one in short[:20]
-        )
+            for one in short[:3]
+        ] + [f"and {len(short) - 3} more"] * (len(short) > 3)
         text = f"{len(short)} parts are left out as too short: {'; '.join(said)}"
         rows = tuple(row for one in short for row in (one.first_row, one.last_row))
         findings.note("short part", text, len(short), rows, repaired=True)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from decimal import Decimal
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,8 @@ class TimeTable(Source):
             if not clock.column:
                 raise InputError(
                     f"{'several columns' if likely else 'no column'} may be time; say which, and "
-                    f"its unit, or the rate; columns: {', '.join(map(repr, self.names[:60]))}"
+                    "its unit, or the rate, such as 50:Hz; columns: "
+                    f"{', '.join(map(repr, self.names[:60]))}"
                 )
             name = find_column(clock.column, self.names, "column of time")
             said, ending = _said_time(name), name.lower().rpartition("_")[2]
@@ -96,8 +98,10 @@ class TimeTable(Source):
                 f"give one of {known}",
                 remedy=Option("time", f"{name}:{likely}") if likely else "time",
             )
-        text = f"column {name!r}: its steps are {step:.4g}, the median, so it is taken to be in s"
-        self.findings.note("unit of time", text)
+        self.findings.note(
+            "unit of time",
+            f"column {name!r}: its steps are {step:.4g}, the median, so it is taken to be in s",
+        )
         return likely
 
 
@@ -115,7 +119,13 @@ class TextLog(TimeTable):
         first = next((k for k in there if not lines[k].strip().startswith(_COMMENTS)), None)
         if first is None:
             raise StorageError(f"{path}: no header and no numbers in it")
-        delimiter = layout.delimiter or max(",;\t| ", key=lambda one: _kinds(lines[first], one))
+        # of the heading, whose names may hold another one, and of the line below it
+        delimiter = layout.delimiter or max(
+            ",;\t| ",
+            key=lambda one: min(
+                _kinds(line, one) for line in islice(filter(str.strip, lines[first:]), 2)
+            ),
+        )
         rows = self._read(lines[first:], first + 1, delimiter)
         names = list(layout.names) or rows.pop(0)[1]
         if all(_is_number(self._point(cell)) for cell in names):
@@ -176,8 +186,8 @@ class TextLog(TimeTable):
                 seconds.append((date - first).total_seconds())
             except (ValueError, TypeError):  # the latter of dates with a zone and without
                 raise StorageError(
-                    f"{self.place('time', k, name)}: {_short(cell)} is neither a number nor a date "
-                    "as 2026-01-31T12:00:00.125"
+                    f"{self.place('time', k, name)}: {shown(cell, 40)!r} is neither a number nor "
+                    "a date as 2026-01-31T12:00:00.125"
                 ) from None
         return np.array(seconds)
 
@@ -186,10 +196,10 @@ class TextLog(TimeTable):
         if not _is_number(number):
             hint = "; if it has a decimal comma, say decimal = ',' in the map's [file]"
             comma = _is_number(cell.replace(",", "."))
-            said = f"{_short(cell)} is not a number{hint if comma else ''}"
+            said = f"{shown(cell, 40)!r} is not a number{hint if comma else ''}"
             raise StorageError(f"{self.place('time', k, name)}: {said}")
         if not math.isfinite(float(number)):
-            raise RecordError(f"{self.place('time', k, name)}: {_short(cell)} is not finite")
+            raise RecordError(f"{self.place('time', k, name)}: {shown(cell, 40)!r} is not finite")
         return float(number)
 
     def _point(self, text: str) -> str:
@@ -235,8 +245,9 @@ class TextLog(TimeTable):
         wrong = [k for k, row in enumerate(cells) if len(row) != width]
         if wrong:
             have = f"{len(cells[wrong[0]])} columns, the header has {width}"
-            where = self.place("time", wrong[0])
-            raise StorageError(f"{where}: {have} (in all {len(wrong)} such lines)")
+            raise StorageError(
+                f"{self.place('time', wrong[0])}: {have} (in all {len(wrong)} such lines)"
+            )
         if not cells:
             raise StorageError(f"{self.path}: no numbers below the header")
 
@@ -254,12 +265,8 @@ def _is_number(text: str) -> bool:
 
 
 def _kinds(line: str, delimiter: str) -> int:
-    """Return how often a delimiter is in a heading; blanks count only where nothing else does."""
+    """Return how often a delimiter is in a line; blanks count only where nothing else does."""
     return line.count(delimiter) if delimiter != " " else min(1, len(line.split()) - 1)
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 class ParquetLog(TimeTable):

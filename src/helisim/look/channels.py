@@ -80,7 +80,7 @@ _NAMES = {
     "Blackbox": (),  # which says all itself
 }  # Columns of PX4 and ArduPilot logs; the best of a channel first
 _PROGRAM = {"ULog": "PX4", "DataFlash": "ArduPilot", "sdlog2": "PX4"}
-_EXACT = {
+EXACT = {
     log_format: {
         pattern.format(part): Named(
             channel, unit, 1 if sign == "+" else -1, rank, f"{_PROGRAM[log_format]}'s name for it"
@@ -130,6 +130,7 @@ _SHORT = (
     ("da de dr dt", _INPUTS),
     ("dlat dlon dped dcol", _INPUTS),
     ("dail delv drud", _INPUTS[:3]),
+    ("ailrn ruddr", ("lat", "ped")),  # X-Plane's, whose elevator is "elev"
     ("elev coll hdg", ("lon", "col", "psi")),
 )
 _WORDS: tuple[tuple[str, str, int], ...] = (
@@ -169,8 +170,8 @@ _ENDINGS = {
 
 def named(heading: str, log_format: str) -> Named | None:
     """Return the meaning of a column's heading, None if unknown."""
-    if log_format in _EXACT:
-        return _EXACT[log_format].get(heading)
+    if log_format in EXACT:
+        return EXACT[log_format].get(heading)
     bare, bracketed = split_heading(heading)
     implied = unit(bracketed).name if bracketed and is_unit(bracketed) else None
     if bare in _OWN:
@@ -324,8 +325,9 @@ def _known(source: Source, heading: str) -> Real:
 
 
 def _geographic(heading: str, known: Real) -> bool:
-    named, level = split_heading(heading)[0].lower(), abs(float(np.median(known)))
-    return named in ("lat", "lon") and level > UNITISED and float(np.ptp(known)) < 0.05 * level
+    named = re.sub(r"[^a-z]|deg", "", split_heading(heading)[0].lower())
+    level, moved = abs(float(np.median(known))), float(np.ptp(known))
+    return named in ("lat", "lon") and moved < (0.05 if level > UNITISED else 0.002) * level
 
 
 def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tuple[Column, str]:
@@ -353,11 +355,15 @@ def _control(unit: str | None, known: Real) -> tuple[dict[str, Any], str]:
             f"pulses; trim is their median, range the usual {PULSE_RANGE:g} us",
         ),
         (
-            unit == "percent" or (bare and UNITISED < size <= _PERCENT),
+            unit == "percent" or (unit is None and UNITISED < size <= _PERCENT),
             {"unit": "percent"},
             f"percent: {reaches}",
         ),
-        (bare and size <= UNITISED, {"unit": "1"}, f"without dimension: {reaches}"),
+        (
+            bare and size <= (_PERCENT if unit else UNITISED),
+            {"unit": "1"},
+            f"without dimension: {reaches}",
+        ),
         (
             unit is not None and UNITS[unit].si == "rad",
             {"unit": unit, "trim": middle},

@@ -11,7 +11,7 @@ from helisim.base.note import Option
 from helisim.base.units import window_transforms
 from helisim.ident.local import between
 from helisim.ident.rational import order
-from helisim.ident.response import USABLE_COHERENCE
+from helisim.ident.response import USABLE_COHERENCE, opposes
 from helisim.logs.report import LogFinding
 from helisim.records.quality import stretches
 from helisim.records.record import (
@@ -76,7 +76,10 @@ class FoundExcitation:
 
 @dataclass(frozen=True)
 class FoundAnswer:
-    """A channel that responds coherently in a band, rad/s, with a `structure` such as "tf:0/2"."""
+    """A channel that responds coherently in a band, rad/s, with a `structure` such as "tf:0/2".
+
+    It `opposes` its input if it begins at -180 deg.
+    """
 
     input: str
     output: str
@@ -84,6 +87,7 @@ class FoundAnswer:
     high: float
     coherence: float
     structure: str
+    opposes: bool = False
 
     def __str__(self) -> str:
         return f"{self.output} from {self.low:.3g} to {self.high:.3g} ({self.coherence:.2f})"
@@ -224,9 +228,14 @@ def _answer(
     ):
         return []
     known, mean = _OF_OTHERS.get(output), float(np.mean(coherence[inside]))
-    zeros, poles = known or order(omega[inside], cross[inside, 1, 0] / cross[inside, 0, 0])
-    names = excited.channel, output
-    return [FoundAnswer(*names, float(low), float(high), mean, f"tf:{zeros}/{poles}")]
+    gain = cross[inside, 1, 0] / cross[inside, 0, 0]
+    zeros, poles = known or order(omega[inside], gain)
+    return [
+        FoundAnswer(
+            *(excited.channel, output, float(low), float(high), mean, f"tf:{zeros}/{poles}"),
+            opposes=opposes(omega[inside], gain),
+        )
+    ]
 
 
 def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:

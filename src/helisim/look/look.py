@@ -14,7 +14,7 @@ from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
-from helisim.look.channels import AS_RECORDED, CONTROLS, GIVEN, SeenChannel
+from helisim.look.channels import AS_RECORDED, CONTROLS, EXACT, GIVEN, SeenChannel
 from helisim.look.excitation import (
     SAMPLES_A_PERIOD,
     WINDOWS,
@@ -27,7 +27,7 @@ from helisim.look.excitation import (
 )
 from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
-from helisim.records.record import IN1, IN2, RATES, STICKS
+from helisim.records.record import IN1, IN2, RAISED, RATES, STICKS
 from helisim.records.turning import ANGLES
 
 _STRUCTURES = (
@@ -145,17 +145,36 @@ def _looked(log: LogLook) -> LogLook:
     if not found:  # what moved for a short while may have moved all along
         events = {one.channel: one for one in excited if one.kind != "motion"}
         kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
-        excited = _main(whole(record, name, kinds.get(name, "motion")) for name in there)
+        excited = tuple(
+            filter(None, (whole(record, one, kinds.get(one, "motion")) for one in there))
+        )
         found = answers(record, excited, rates)
         if found and found[0].input in events:
             excited = tuple(events.values())
             said.append(_event(events.pop(found[0].input), tuple(events)))
+    closed = sorted(
+        one.input
+        for one in found
+        if one.opposes and RAISED.get(one.input) == one.output and log.format in (OURS, *EXACT)
+        if ("motion", one.input) in {(its.kind, its.channel) for its in excited}
+    )
+    found = tuple(one for one in found if one.input not in closed)
     said += loops(record, found, rates)
     if not found:
-        text = "no control moves, or no column looks like one: say which of those not used is"
-        if excited:
-            text = "nothing answers coherently: sweep longer, larger, or in calmer air"
-        said.insert(0, LogFinding("missing", text, (Option("channel", "lat=COLUMN:percent"),)))
+        said.insert(
+            0,
+            LogFinding(
+                "missing",
+                f"{' and '.join(closed)} opposes what the gyro measures, as a controller's command "
+                "does that nothing else moves: sweep, or fly by the sticks"
+                if closed
+                else "nothing answers coherently: sweep longer, larger, or in calmer air"
+                if excited
+                else "no control moves, or no column looks like one: say which of those not used "
+                "is",
+                (Option("channel", "lat=COLUMN:percent"),) * (not closed),
+            ),
+        )
         if any(one.name in CONTROLS for one in log.channels):
             said.append(_instead(log, excited))
     return replace(log, excitations=excited, answers=found, findings=tuple(said))

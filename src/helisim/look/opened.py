@@ -112,8 +112,11 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     mapped = {*(one.column.column for one in seen), *(one.name for one in clocks.values())}
     unused = tuple(name for name in source.names if name not in mapped)
     if not moving and clocks:
-        text = f"{path}: no column looks like a channel that moves; say which is which"
-        findings.refuse("channels", text, remedy=Option("channel", "NAME=COLUMN:UNIT"))
+        findings.refuse(
+            "channels",
+            f"{path}: no column looks like a channel that moves; say which is which",
+            remedy=Option("channel", "NAME=COLUMN:UNIT"),
+        )
     found = LogLook(str(path), source.format, shown, seen, unused)
     if not moving or not clocks:
         return replace(found, findings=(*findings, *findings.refused))
@@ -143,11 +146,10 @@ def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> Lo
 
 def _written(map_: Map) -> tuple[Option, ...]:
     """Return the options which say how a file is written."""
-    time, names = map_.time or Clock(rate=1.0), ",".join(map_.file.names)
     said = {
-        "names": names,
+        "names": ",".join(map_.file.names),
         "log": str(map_.file.log or ""),
-        "time": f"{time.column or ''}:{time.unit or ''}".removesuffix(":"),
+        "time": map_.time.text if map_.time else "",
     }
     return tuple(Option(name, value) for name, value in said.items() if value)
 
