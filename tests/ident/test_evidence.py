@@ -1,7 +1,4 @@
-"""What records themselves say against a response: of six damaged ones, and of clean ones nothing.
-
-Roll and pitch are simulated by SciPy's matrix exponential (scripts/proof/verdicts.py).
-"""
+"""What records, simulated by scripts/proof/verdicts.py, say against a response."""
 
 import re
 from dataclasses import replace
@@ -17,6 +14,7 @@ TRUTH = replace(verdicts.TRUTHS["rollpitch"], length=24.0, band=(1.0, 40.0))
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
+@pytest.mark.filterwarnings("ignore:record")
 @tabled("damage", "kinds", "said")
 def test_what_records_say_against_a_response(damage, kinds, said):
     """Numbers within 3 %, three stated errors of the slopes; what is said is of the truth."""

@@ -205,14 +205,6 @@ def test_random_systems_are_found(case, number):
     assert study(case, 0.5, 77, number) == number
 
 
-@pytest.mark.study
-@tabled("case", "delay")
-def test_sixty_random_systems_are_found(case, delay):
-    """At least 59 of 60, for two seeds of no other use; 1.2 s are two cycles of the top."""
-    for seed in (78, 79):
-        assert study(case, delay, seed, 60) >= 59
-
-
 def test_each_delay_of_a_structure_is_scanned_whatever_the_signs():
     """Two outputs over one first-order lag, 0.05 and 0.45 s late, one of the other sign.
 

@@ -98,15 +98,6 @@ def test_a_rate_command_flies_as_the_gyro_that_it_is_of(name):
     np.testing.assert_array_equal(*flights)
 
 
-def test_a_rate_command_has_the_filters_of_the_jr700_unless_said(jr700):
-    law = hs.RateCommand.of(jr700)
-    said, named = law.to_dict(), ("filter", "derivative_filter", "attitude_lock", "anti_windup")
-    for data, names in ((said, named), (said["ped"], ("lead_filter", "heading_lock"))):
-        for name in names:
-            data.pop(name, None)
-    assert hs.law_of(said) == law
-
-
 def test_holds_the_hover(jr700):
     """A stick's step without a pilot: the attitude that it asks for, to the remnant's 0.005."""
     held = ("k_attitude", "k_velocity", "k_position", "k_heave", "k_height", "k_heading")

@@ -133,25 +133,6 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
     assert "resampled to 100 Hz" in capsys.readouterr().out
 
 
-def test_a_table_of_anyone(tmp_path):
-    found = look(anyones(tmp_path / "a.csv", gap=True))
-    (log,) = found.logs
-    units = {one.name: one.column.unit for one in log.channels}
-    assert units == {"p": "deg/s", "phi": "deg", "lat": "percent"}
-    assert log.unused == ("row",)
-    assert "not used: row\n" in str(log)
-    assert " s in 2 parts can be used\n" in str(log)
-    assert [line[2:7] for line in str(log).splitlines() if "a gap of" in line] == [
-        "!: " + str(tmp_path)[:2],
-        "note:",
-    ]
-    assert "--repair gaps" in command(found)
-    assert "gap" in {finding.kind for finding in log.findings}
-    fit = runs(found, tmp_path)
-    for frequency in (3.0, 10.0):
-        same_response(fit, frequency, tolerance=0.03)
-
-
 def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_path, capsys):
     path = anyones(tmp_path / "a.csv")
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
@@ -275,34 +256,11 @@ def flown(
     return path
 
 
-@pytest.mark.slow
-def test_units_are_of_all_files_together_and_a_thrust_is_no_channel(tmp_path):
-    small = flown(tmp_path / "a.csv", lat=0.02)
-    units = {one.name: one.column.unit for one in look(small).logs[0].channels}
-    assert (units["lat"], units["p"]) == ("1", "rad/s")
-    found = look([small, flown(tmp_path / "b.csv")])
-    for log in found.logs:
-        units = {one.name: one.column.unit for one in log.channels}
-        assert (units["lat"], units["p"]) == ("percent", "deg/s")
-        assert "thrust" in log.unused
-    assert any("in another of the logs" in one.why for one in found.logs[0].channels)
-
-
 def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
     for heading in ("time,aileron,gyro_x,x,lat", "time,lateral,p,x,aileron"):
         log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
         (lat,) = (one for one in log.channels if one.name == "lat")
         assert lat.moves
-
-
-def test_a_log_that_shows_nothing_has_what_to_fly_instead(tmp_path, capsys):
-    dead = flown(tmp_path / "a.csv", lat=0.0, of=10.0)
-    assert main(["look", str(dead)]) == 1
-    said = " ".join(capsys.readouterr().out.split())
-    assert "fly instead a sweep of " in said
-    assert "thrice, of 90 s from 0.4 to 30 rad/s" in said
-    assert "log controls and rates at 48 Hz or more" in said
-    assert "nothing can be identified from this" in said
 
 
 def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():

@@ -1,54 +1,20 @@
-"""What the studies of scripts/ claim: intervals of a loop's figures, inflow."""
+"""The structure with inflow states of scripts/proof/inflow_study.py beside the linearisation."""
 
 import numpy as np
-import pytest
 
 import helisim as hs
 from helisim.ident.evaluate import linear
 from helisim.sim import Recorder
 from script import loaded
 
-study = loaded("proof/margins_study").study
-
-REPLICATES = 16
-
-
-@pytest.mark.study
-def test_intervals_hold_the_exact_figures_and_are_no_wider_than_need_be(jr700):
-    """Noise and light turbulence: 94 % of all, with the gyro, at actuators, sensors and sticks.
-
-    Of 16 replicates an interval that holds 94 % holds 12 or fewer once in 500. Their width is
-    that of the scatter, by which 16 replicates tell 18 %, times 1.5 for what they can't know:
-    the bias that is left, and that no flight is at trim.
-    """
-    found = study(jr700, REPLICATES)
-    names = {(name, at) for name, _, at in found}
-    assert {("gain_margin", "actuators"), ("DRB", "sensors"), ("phase_delay", "stick")} <= names
-    usual = [one for one in found.values() if one.value.size == REPLICATES]
-    assert len(usual) >= 20
-    assert np.mean([one.share for one in usual]) >= 0.94
-    assert min(one.share for one in usual) > 12 / REPLICATES
-    stated = [np.median(one.high - one.low) / 3.92 / np.std(one.value) for one in usual]
-    assert np.median(stated) < 1.5 * 1.18
-
-
 INFLOW = loaded("proof/inflow_study")
 STATES = ("p", "q", "flap_a", "flap_b", "inflow_s", "inflow_c")
 SWASH = ("front", "left", "right")
 
 
-@pytest.fixture(scope="module")
-def vehicle():
-    return hs.load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
-
-
-@pytest.fixture(scope="module")
-def true(vehicle):
-    return INFLOW.truth(vehicle, Recorder.of(vehicle))
-
-
-def test_rollpitch_inflow_is_the_linearised_vehicle_state_by_state(vehicle, true):
-    structure = hs.structures.rollpitch_inflow
+def test_rollpitch_inflow_is_the_linearised_vehicle_state_by_state():
+    vehicle = hs.load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
+    true, structure = INFLOW.truth(vehicle, Recorder.of(vehicle)), hs.structures.rollpitch_inflow
     model = linear(structure, {name: true[name] for name in structure.names})
     system = vehicle.linearize("IN1").system
     names = list(system.state_labels)

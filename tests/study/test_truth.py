@@ -1,14 +1,11 @@
 """The truth that an identification is judged by, the tuned gains, and the experiment's models."""
 
-import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from helisim import ident
-from helisim.cli import main
-from helisim.design.exact import air_met
 from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.sim import Recorder, Weather
 from helisim.sim.rigs import SWEPT, stick_sweep
@@ -107,49 +104,9 @@ def test_an_equivalents_truth_depends_on_the_weights(jr700, recorder):
     assert true_values(jr700, YAW_BASE, recorder)["N_r"] == jr700.derivatives["N_r"]
 
 
-@pytest.mark.study
-def test_the_truth_in_gusts_is_the_mean_over_the_air(jr700, recorder):
-    air = air_met(jr700, LIGHT)
-    for model, name in ((HEAVE, "Z_w"), (YAW_GYRO, "N_r_slip")):
-        mean = true_values(jr700, model, recorder, air=air)[name]
-        each = [true_values(there, model, recorder)[name] for _, there in air]
-        assert mean == pytest.approx(sum(share * x for (share, _), x in zip(air, each)), rel=1e-3)
-        assert mean != pytest.approx(true_values(jr700, model, recorder)[name], rel=1e-3)
-    calm, same = (true_values(jr700, HEAVE, recorder, air=some) for some in (None, air))
-    assert calm["tau_col"] == same["tau_col"]
-    calm, mean = (true_values(jr700, YAW_OVERALL, recorder, air=some) for some in (None, air))
-    each = sum(share * true_values(there, YAW_OVERALL, recorder)["a0"] for share, there in air)
-    # the fit of a mean is not quite the mean of fits, by 7e-4
-    assert mean["a0"] == pytest.approx(each, rel=1e-3)
-    assert abs(mean["a0"] / calm["a0"] - 1.0) > 1e-3
-
-
 @pytest.fixture(scope="module")
 def vehicle():
     return load()
-
-
-@pytest.mark.study
-def test_tuning_again_prints_the_shipped_gains_and_the_margins(vehicle, capsys):
-    """`helisim tune` finds the numbers of tuned.toml: nobody typed them. Margins stand below."""
-    assert main(["tune"]) == 0
-    printed = capsys.readouterr().out
-    found = {
-        f"{section}.{name}": entry["value"]
-        for section, entries in tomllib.loads(printed).items()
-        for name, entry in entries.items()
-    }
-    assert {"gyro.ped_latency", "gyro.kp_lat", "recorder_latency.LAT"} <= found.keys()
-    for name, value in found.items():
-        # the search stops at 1e-8 of its sum of squares, which is flat to 1e-4 of a setting
-        assert value == pytest.approx(vehicle.parameters[name], rel=1e-3), name
-    rows = [line.split()[1:] for line in printed.splitlines() if line.startswith(("# l", "# p"))]
-    assert [row[0] for row in rows] == list(LOOPS)
-    for axis, gain, phase, *_ in rows:
-        found = margins(vehicle, axis)
-        # printed digits, and what 1e-3 of a gain does to them
-        close = pytest.approx([found.gain_db, found.phase_deg], abs=0.2)
-        assert [float(gain), float(phase)] == close
 
 
 @pytest.mark.parametrize("model", [YAW_OVERALL, ROLLPITCH_IN2], ids=lambda model: model.name)

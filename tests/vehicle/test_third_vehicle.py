@@ -87,21 +87,6 @@ def test_a_calibration_that_can_not_be_is_one_line(tmp_path, capsys, old, new, m
     assert sorted(there.iterdir()) == before
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("size", [0.415, 2.78])
-def test_the_same_at_any_size(tmp_path, size):
-    """From 0.3 to 90 kg: what isn't calibrated follows Froude's laws, and sweeps identify it."""
-    there = made(tmp_path / "other", size=size)
-    other, one = hs.load(there), hs.load(made(tmp_path / "heron"))
-    assert other.model.body_subtreemass[1] == pytest.approx(4.2 * size**3)
-    # powers of n: forces n^3, lengths n, times n^0.5, so velocities n^0.5
-    for name, power in (("Y_v", -0.5), ("Y_ped", 0.0), ("N_v", -1.5), ("P_v", -1.0), ("Q_u", -1.0)):
-        scaled = one.derivatives[name] * size**power
-        assert other.derivatives[name] == pytest.approx(scaled, rel=1e-5), name
-    assert other.power == pytest.approx(one.power * size**3.5, rel=1e-6)
-    within_bounds(recover(there, flights=1, seed=1), 1.0)
-
-
 INERTIA = "main_rotor.blade_inertia"
 
 
