@@ -327,7 +327,9 @@ def _known(source: Source, heading: str) -> Real:
 def _geographic(heading: str, known: Real) -> bool:
     named = re.sub(r"[^a-z]|deg", "", split_heading(heading)[0].lower())
     level, moved = abs(float(np.median(known))), float(np.ptp(known))
-    return named in ("lat", "lon") and moved < (0.05 if level > UNITISED else 0.002) * level
+    return named in ("lat", "lon") and (
+        moved < 0.05 * level if level > UNITISED else 0.0 < moved < 0.002 * level
+    )
 
 
 def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tuple[Column, str]:
