@@ -20,8 +20,7 @@ from helisim.physics.layout import STATE
 from helisim.physics.motion import flip
 from helisim.records.record import ATTITUDES, LOAD, POSITIONS
 from helisim.show.viewer import Rotors
-from helisim.vehicle.addresses import addresses, root_body
-from helisim.vehicle.slung import own_centre
+from helisim.vehicle.addresses import addresses, own_centre, root_body
 
 _HZ = 15.0  # pictures a second
 _CLEARANCE = 0.5  # m, below a flight's lowest point where no ground was flown over

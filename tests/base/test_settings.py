@@ -16,11 +16,17 @@ import pytest
 from numpy.typing import NDArray
 
 from helisim.base import settings
-from helisim.base.errors import IdentificationError, InputError, LogError, UnknownNameError, similar
+from helisim.base.errors import (
+    IdentificationError,
+    InputError,
+    LogError,
+    UnknownNameError,
+    shown,
+    similar,
+)
 from helisim.base.linear import LinearSystem
 from helisim.base.note import Note, Option, options
 from helisim.base.settings import FrozenMap, Inline, Value, check, from_plain, setting
-from helisim.base.text import shown
 from helisim.cli.options import worded
 from tabled import tabled
 

@@ -14,10 +14,10 @@ from helisim.records.storage import read_record, write_record
 from helisim.show.viewer import prepare_live
 from helisim.sim import Doublet, Excitation, FlightPlan, Pilot, Sweep, fly, simulate
 from helisim.sim.excitation import EXCITATIONS, step_times
-from helisim.sim.faults import RecordGap, SampleLoss, ServoStuck
 from helisim.sim.flight import fly_each
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.manoeuvres import ThreeTwoOneOne
+from helisim.sim.plan import RecordGap, SampleLoss, ServoStuck
 from helisim.sim.recorder import read_trajectory
 from helisim.vehicle import load
 from tabled import tabled

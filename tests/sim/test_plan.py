@@ -29,7 +29,7 @@ from helisim import (
 from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
 from helisim.records.storage import read_record
-from helisim.sim import faults, fly, multisine, read_plan, write_plan
+from helisim.sim import fly, multisine, plan, read_plan, write_plan
 from helisim.sim.missions import autopilot
 from helisim.vehicle import load
 from tabled import tabled
@@ -140,7 +140,7 @@ def four(**settings):
 
 TABLE = Path(__file__).with_name("refused.txt").read_text(encoding="utf-8").splitlines()
 """Each with what is made, and what is said of it."""
-NAMES = {**vars(faults), **vars(autopilot), **vars(sim), **globals()}
+NAMES = {**vars(plan), **vars(autopilot), **vars(sim), **globals()}
 
 
 @pytest.mark.parametrize("line", TABLE)

@@ -1,4 +1,4 @@
-"""Exceptions: one base, one subclass for each cause; messages have at most 500 characters.
+"""Exceptions, one subclass for each cause; messages have at most 500 printable characters.
 
 Settings that help are the `remedy`, such as "windows,repair=gaps".
 """
@@ -9,7 +9,25 @@ from functools import partial
 from typing import Any, TypeVar
 
 from helisim.base.note import Command, Option, Remedy, options
-from helisim.base.text import shown
+
+QUOTED = 80  # characters of a quoted text
+
+
+def shown(item: object, limit: int = QUOTED) -> str:
+    """Return a text, or a `repr`, without control characters, at most `limit` (8 or more) long."""
+    text = item if isinstance(item, str) else repr(item)
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " * c.isspace() for c in text)
+    if len(text) <= limit:
+        return text
+    tail = (limit - 5) // 3
+    return f"{text[: limit - 5 - tail]} ... {text[len(text) - tail :]}"
+
+
+def single_line(text: str) -> str:
+    """Return a message without line breaks."""
+    return " ".join(text.splitlines())
+
 
 Item = TypeVar("Item")
 

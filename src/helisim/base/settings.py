@@ -30,9 +30,8 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from helisim.base.errors import InputError, UnknownNameError, check_known
+from helisim.base.errors import InputError, UnknownNameError, check_known, shown
 from helisim.base.files import toml_key, toml_value
-from helisim.base.text import shown
 
 Key = TypeVar("Key")
 Item = TypeVar("Item")

@@ -16,8 +16,7 @@ from importlib import import_module
 from typing import Any
 
 from helisim import __version__
-from helisim.base.errors import DivergedError, HelisimError, LogError
-from helisim.base.text import single_line
+from helisim.base.errors import DivergedError, HelisimError, LogError, single_line
 from helisim.cli.options import (
     STDOUT,
     Parser,

@@ -36,9 +36,8 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from helisim.base.errors import InputError, UnknownNameError, similar
+from helisim.base.errors import InputError, UnknownNameError, similar, single_line
 from helisim.base.note import Command, Note, Option
-from helisim.base.text import single_line
 
 if TYPE_CHECKING:
     from helisim.vehicle import Vehicle

@@ -2,8 +2,7 @@
 
 import math
 
-from helisim.base.errors import InputError
-from helisim.base.text import single_line
+from helisim.base.errors import InputError, single_line
 from helisim.cli.options import (
     Options,
     loaded,

@@ -1,9 +1,9 @@
-"""Reports what is doubtful in a fit: misfit, unsupported parameters, and causes."""
+"""The verdict on a fit, and what is doubtful in it: misfit, unsupported parameters, causes."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,52 @@ from helisim.ident.rational import FAST
 from helisim.ident.search import Minimum
 from helisim.ident.structure import DELAYS, Structure
 from helisim.ident.transfer import Rational, rational_form, transfer_function
+
+Word = Literal["sound", "doubtful", "wrong"]
+
+_CAUSES = frozenset({"degenerate", "columns", "sign", "unit", "flapping", "cost"})
+_DOUBTS = frozenset(
+    {"nonlinear", "records", "lost", "clock", "delay", "lag", "residual", "unstable"}
+    | {"search", "mode", "bound", "starts", "feedback", "support"}
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A fit's verdict, with the notes that made it so, the worst first.
+
+    "wrong": a cause was found for which the numbers are not the vehicle's. "doubtful": they may be
+    off by more than their errors say. "sound": no check found anything.
+    """
+
+    word: Word
+    reasons: tuple[Note, ...] = ()
+
+    @classmethod
+    def of(cls, notes: Iterable[Note]) -> "Verdict":
+        """Return the verdict that notes make."""
+        told = tuple(notes)
+        wrong, doubtful = (
+            tuple(one for one in told if one.kind in kinds) for kinds in (_CAUSES, _DOUBTS)
+        )
+        return cls("wrong" if wrong else "doubtful" if doubtful else "sound", wrong + doubtful)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, say: Callable[[Note], str] = str) -> str:
+        """Return the verdict in one line; `say` words a note."""
+        more = f" (and {len(self.reasons) - 1} more)" if len(self.reasons) > 1 else ""
+        why = f": {say(self.reasons[0])}{more}" if self.reasons else ""
+        return f"verdict: {self.word}{why}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "word": self.word,
+            "reasons": [{"kind": one.kind, "text": one.text} for one in self.reasons],
+        }
+
 
 DEGREES = 180.0 / math.pi
 RATIO_LIMIT = 2.0  # residuals of more times the noise's power are the structure's own

@@ -21,13 +21,12 @@ from helisim.base.note import Note
 from helisim.base.settings import Checked, Value, convert, placed, setting, to_plain
 from helisim.ident import diagnosis
 from helisim.ident.cost import coherent, enough, within
-from helisim.ident.diagnosis import Misfit
+from helisim.ident.diagnosis import Misfit, Verdict
 from helisim.ident.evaluate import linear, response
 from helisim.ident.fitted import FittedParameter, finite, text_table
 from helisim.ident.modes import Modes, modes
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
-from helisim.ident.verdict import Verdict
 from helisim.records.record import versions
 
 if TYPE_CHECKING:

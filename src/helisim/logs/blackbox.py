@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, StorageError, check_known, item_of
+from helisim.base.errors import InputError, StorageError, check_known, item_of, shown
 from helisim.base.files import first_bytes, read_bytes, read_text
 from helisim.base.note import Option
 from helisim.base.settings import FrozenMap
-from helisim.base.text import shown
 from helisim.logs.mapping import Column
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics

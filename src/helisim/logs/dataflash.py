@@ -23,9 +23,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from helisim.base.errors import StorageError, UnknownNameError, check_known, item_of
+from helisim.base.errors import StorageError, UnknownNameError, check_known, item_of, shown
 from helisim.base.files import file_size, first_bytes
-from helisim.base.text import shown
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
 from helisim.logs.ulog import ULOG_MAGIC

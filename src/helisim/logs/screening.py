@@ -14,9 +14,8 @@ from helisim.base.units import PULSE, RAD_PER_DEG, STANDARD_GRAVITY, UNITS
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.timing import GAP, Options, Samples
-from helisim.records.quality import frozen_runs, spikes
+from helisim.records.quality import ANGLES, frozen_runs, slope_matrix, spikes
 from helisim.records.record import IN1, IN2, RATES
-from helisim.records.turning import ANGLES, slope_matrix
 
 _REGULAR = 0.01  # largest error of a steady recorder's step, of the median step
 _SAME = 0.1  # largest error of a ratio that is a unit's, in its logarithm

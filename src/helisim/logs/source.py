@@ -10,9 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.base.errors import InputError, RecordError, StorageError, shown
 from helisim.base.files import file_size, pieces
-from helisim.base.text import shown
 from helisim.base.units import is_unit
 from helisim.logs.mapping import Clock, Column, split_heading
 from helisim.logs.report import Findings, LogFinding

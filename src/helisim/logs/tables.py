@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.base.errors import InputError, RecordError, StorageError, shown
 from helisim.base.note import Option
-from helisim.base.text import shown
 from helisim.base.units import DATES, TIME_UNITS, is_unit, time_unit
 from helisim.logs.mapping import TIME_LIKE, TIME_NAMES, Clock, Layout, find_column, split_heading
 from helisim.logs.report import LogFinding

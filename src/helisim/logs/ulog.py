@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import StorageError
+from helisim.base.errors import StorageError, shown
 from helisim.base.files import file_size
-from helisim.base.text import shown
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
 

@@ -27,8 +27,8 @@ from helisim.look.excitation import (
 )
 from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
+from helisim.records.quality import ANGLES
 from helisim.records.record import IN1, IN2, RAISED, RATES, STICKS
-from helisim.records.turning import ANGLES
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from helisim.base.arrays import Real
-from helisim.base.errors import LogError
+from helisim.base.errors import LogError, shown
 from helisim.base.note import Remedy
-from helisim.base.text import shown
 from helisim.base.units import unit
 from helisim.logs.dataflash import DataFlash, is_dataflash, open_dataflash
 from helisim.logs.source import file_digest

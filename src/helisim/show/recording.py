@@ -32,7 +32,7 @@ from helisim.records.record import LOAD as LOAD_CHANNELS
 from helisim.show.plots import families, values_for_people
 from helisim.show.viewer import SLOWED, drawn_tilt
 from helisim.sim.ground import Ground
-from helisim.vehicle.slung import HOOK, LOAD, own_centre, own_parts
+from helisim.vehicle.addresses import HOOK, LOAD, own_centre, own_parts
 
 Archetypes = Mapping[str, rr.AsComponents]
 View = rrb.Container | rrb.View

@@ -2,7 +2,6 @@
 
 from helisim.sim import missions
 from helisim.sim.excitation import Excitation
-from helisim.sim.faults import FAULTS, Fault, RecordGap, SampleLoss, ServoStuck
 from helisim.sim.flight import fly, fly_each, fly_to, simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.limits import FlightEnvelope
@@ -19,7 +18,17 @@ from helisim.sim.manoeuvres import (
 )
 from helisim.sim.missions import Mission
 from helisim.sim.multisine import Multisine
-from helisim.sim.plan import FlightPlan, Pilot, read_plan, write_plan
+from helisim.sim.plan import (
+    FAULTS,
+    Fault,
+    FlightPlan,
+    Pilot,
+    RecordGap,
+    SampleLoss,
+    ServoStuck,
+    read_plan,
+    write_plan,
+)
 from helisim.sim.recorder import End, Recorder, Trajectory
 from helisim.sim.weather import Gust, Weather
 

@@ -24,10 +24,9 @@ from helisim.physics.native import installed
 from helisim.records.record import FlightRecord, made_by
 from helisim.records.storage import write_record
 from helisim.sim.excitation import injection, injection_digest
-from helisim.sim.faults import ServoStuck, write_faults
 from helisim.sim.ground import Ground
 from helisim.sim.missions.mission import Reached, ScriptedPilot, Start
-from helisim.sim.plan import FlightPlan, Flyable, as_plan
+from helisim.sim.plan import FlightPlan, Flyable, ServoStuck, as_plan, write_faults
 from helisim.sim.recorder import End, Recorder, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import ControllerLike, Vehicle

@@ -18,8 +18,7 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
 from helisim.vehicle import Vehicle
-from helisim.vehicle.addresses import addresses
-from helisim.vehicle.slung import own_parts
+from helisim.vehicle.addresses import addresses, own_parts
 from helisim.vehicle.trim import place
 
 _HEAVIER = 1e6  # mass of a deck over that of who lands on it: what the landing does to its motion

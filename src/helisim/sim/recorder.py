@@ -45,8 +45,8 @@ from helisim.records.record import (
 )
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
+from helisim.vehicle.addresses import LOAD as SLUNG_LOAD
 from helisim.vehicle.addresses import addresses
-from helisim.vehicle.slung import LOAD as SLUNG_LOAD
 from helisim.vehicle.swashplate import Swashplate
 
 _INJECTED = {

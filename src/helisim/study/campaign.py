@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from helisim.base.errors import InputError, UnknownNameError, check_known
+from helisim.base.errors import InputError, UnknownNameError, check_known, shown
 from helisim.base.files import read_toml
 from helisim.base.settings import (
     check,
@@ -23,7 +23,6 @@ from helisim.base.settings import (
     setting_names,
     to_plain,
 )
-from helisim.base.text import shown
 from helisim.records.record import AXES
 from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weather
 from helisim.study.models import KNOWN_MODELS, MODELS, ModelSpec

@@ -31,7 +31,7 @@ from helisim.physics.layout import (
     WITHOUT_LAWS,
 )
 from helisim.physics.memory import TICK_TOLERANCE, examine
-from helisim.vehicle.addresses import addresses, root_body, write_named
+from helisim.vehicle.addresses import addresses, root_body, sling, write_named
 from helisim.vehicle.parameters import (
     BODIES,
     SITES,
@@ -42,7 +42,6 @@ from helisim.vehicle.parameters import (
     model_folder,
     rig_file,
 )
-from helisim.vehicle.slung import sling
 from helisim.vehicle.swashplate import Swashplate, TipPathPlane, with_both
 from helisim.vehicle.trim import set_governor
 

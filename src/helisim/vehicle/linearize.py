@@ -17,8 +17,7 @@ from helisim.physics.drive import IDEAL, TURBINE
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
-from helisim.vehicle.addresses import addresses
-from helisim.vehicle.slung import SLUNG, slung_dofs
+from helisim.vehicle.addresses import SLUNG, addresses, slung_dofs
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import (
     Motion,

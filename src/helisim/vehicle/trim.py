@@ -17,8 +17,7 @@ from helisim.physics.drive import IDEAL
 from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.vehicle.addresses import addresses
-from helisim.vehicle.slung import hang
+from helisim.vehicle.addresses import addresses, hang
 from helisim.vehicle.swashplate import Swashplate
 
 

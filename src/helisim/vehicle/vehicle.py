@@ -24,7 +24,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import ACCELERATIONS, IN1, RATES
-from helisim.vehicle.addresses import addresses, root_body
+from helisim.vehicle.addresses import addresses, own_centre, root_body
 from helisim.vehicle.assembly import Around, Integrator, assemble, force_law_block, with_room
 from helisim.vehicle.controller import (
     DIRECT,
@@ -47,7 +47,6 @@ from helisim.vehicle.parameters import (
     untuned,
 )
 from helisim.vehicle.sampled import close
-from helisim.vehicle.slung import own_centre
 from helisim.vehicle.swashplate import INSTEAD, Swashplate, changed, with_both
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
