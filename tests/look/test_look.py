@@ -256,13 +256,6 @@ def flown(
     return path
 
 
-def test_a_constant_column_gives_way_to_one_that_moves(tmp_path):
-    for heading in ("time,aileron,gyro_x,x,lat", "time,lateral,p,x,aileron"):
-        log = look(flown(tmp_path / "a.csv", heading=heading)).logs[0]
-        (lat,) = (one for one in log.channels if one.name == "lat")
-        assert lat.moves
-
-
 def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
     random, t = np.random.default_rng(3), np.arange(4000) / 50.0
     event = np.exp(-((t - 30.0) ** 2)) * np.sin(4.0 * t)
@@ -271,26 +264,6 @@ def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
     channels = tuple(CHANNELS[name] for name in ("lat", "p"))
     record = FlightRecord(t, np.column_stack([own, answer]), channels, {})
     assert not answers(record, [whole(record, "lat")], {})
-
-
-@pytest.mark.slow
-def test_one_doublet_of_a_long_log_is_taken_by_itself(tmp_path):
-    """By the likelihood of its surroundings; a doublet of 2 s shows no line below 0.5 rad/s."""
-    fine, step = np.arange(60_000) / 1000.0, 0.001
-    lat = 0.1 * ((fine >= 20.0) & (fine < 21.0)) - 0.1 * ((fine >= 21.0) & (fine < 22.0))
-    decay = np.exp(-DAMPING * step)
-    late = np.roll(lat, round(DELAY / step))
-    p = lfilter([0.0, (1.0 - decay) * GAIN / DAMPING], [1.0, -decay], late)
-    noise = np.random.default_rng(4).standard_normal((6000, 2))
-    table = np.column_stack([fine, lat, p])[::10]
-    table[:, 1:] += noise * [1e-4, 2e-3]
-    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,aileron,p", comments="")
-    found = look(tmp_path / "a.csv")
-    options = dict(found.proposal.options)
-    assert float(options["from"][0]) == pytest.approx(18.0, abs=0.1)
-    assert "band" not in options
-    for frequency in (1.0, 3.0):
-        same_response(runs(found, tmp_path), frequency, tolerance=0.03)  # of the fit's noise
 
 
 @tabled("heading", "unit", "rate")

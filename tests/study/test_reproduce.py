@@ -131,16 +131,6 @@ def test_the_records_alone_give_the_same_model(results, folder):
     assert fit["Z_w"].value == results["heave"]["Z_w"].identified
 
 
-@pytest.mark.study
-def test_a_run_repeats_to_the_byte(results, folder, tmp_path):
-    short(out=tmp_path, jobs=1)
-    before, again = (
-        {path.relative_to(run): path.read_bytes() for path in run.rglob("*") if path.is_file()}
-        for run in (folder, tmp_path)
-    )
-    assert again == before
-
-
 END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
 
 

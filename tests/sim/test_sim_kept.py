@@ -1,0 +1,46 @@
+"""Plans, sticks and short flights of every kind, whole, as reviewed: test_sim_kept.json."""
+
+import pytest
+from test_plan import FULL
+
+import helisim as hs
+from helisim.sim import FlightPlan, Gust, Multisine, Weather, fly
+from helisim.sim.excitation import EXCITATIONS
+from helisim.sim.missions import Everyday
+
+PARTS = hs.Doublet(axis="lat"), hs.Pulse(axis="ped")
+OWN = {
+    "History": hs.History.of([0.0, 1.0, 4.0], [0.0, 0.1, 0.0], axis="lat", source="-"),
+    **{kind: EXCITATIONS[kind](parts=PARTS) for kind in ("Sequence", "Together")},
+}
+SHORT = {"Sweep": {"duration": 12.0, "trim_time": 2.0}, "Chirp": {"amplitude": 0.02}}
+PLANS = {
+    "everything": FULL,
+    "wind": FlightPlan(
+        excitation=hs.Doublet(axis="lat", duration=8.0),
+        weather=Weather(wind=4.0, wind_from=0.7, turbulence="light", gust=Gust(north=-3.0)),
+    ),
+    "noise": FlightPlan(excitation=hs.Sweep(axis="ped", duration=8.0, trim_time=1.0)),
+    "sines": FlightPlan(
+        excitation=Multisine(
+            axis="lat+lon", at="actuators", amplitude=0.01, period=4.0, duration=12.0
+        )
+    ),
+    "everyday": FlightPlan(mission=Everyday(duration=20.0)),
+}
+
+
+FLIGHTS = PLANS | {
+    kind: FlightPlan(
+        excitation=OWN.get(kind) or EXCITATIONS[kind](axis="lat", **SHORT.get(kind, {}))
+    )
+    for kind in EXCITATIONS.keys() - {"Multisine"}
+}
+
+
+@pytest.mark.parametrize("name", sorted(FLIGHTS))
+def test_a_flight(name, jr700, kept):
+    plan = FLIGHTS[name].on(jr700)
+    (record,) = fly(jr700, plan, count=1, seed=3, jobs=1, keep_ended=True)
+    values = record.values[:: len(record) // 4].T.tolist()
+    kept([plan.to_dict(), record.provenance.get("ended"), values, list(record.names)])
