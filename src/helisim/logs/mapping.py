@@ -27,7 +27,10 @@ LOOK = "say which column is which channel; a look at the log guesses which"
 
 # Headings of time, in lower case and without a unit in brackets.
 TIME_NAMES = ("time", "t", "timestamp", "time_s", "time_ms", "time_us", "timestamp_us", "timeus")
-TIME_LIKE = re.compile(r"(.*\.)?(t|times?|timestamp)_?(s|secs?|seconds|m?sec|usec|ms|us|ns|min)?")
+TIME_LIKE = re.compile(
+    r"(.*\.)?(t|\w*time|times|timestamp|tempo|tiempo|temps|zeit)"
+    r"_?(s|secs?|seconds|m?sec|usec|ms|us|ns|min)?"
+)
 
 
 @dataclass(frozen=True)
