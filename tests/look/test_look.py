@@ -209,7 +209,7 @@ def test_a_command_that_only_a_controller_moves_shows_no_vehicle(tmp_path, swept
     path = tmp_path / "a.bin"
     path.write_bytes(autopilot_logs.dataflash({"RATE": (1e4 * np.arange(count) + 1e6, rows)}))
     found = look(path)
-    assert ("lat opposes what the gyro measures" in str(found)) == (not swept)
+    assert ("lat moved as a controller's command does" in str(found)) == (not swept)
     assert (found.proposal is None) == (not swept)
     words = ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--band", "3", "60"]
     words += ["--channel", "lat=RATE.ROut:1", "--channel", "p=RATE.R:deg/s", "--quiet"]

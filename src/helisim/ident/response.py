@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.display import Displayed, shower
@@ -21,7 +22,7 @@ from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import decibel
 from helisim.ident.conditions import Conditions
 from helisim.ident.scatter import ErrorModel
-from helisim.records.record import RAISED, made_by
+from helisim.records.record import RATES, made_by
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure
@@ -32,9 +33,20 @@ FORMAT = "helisim frequency response, version 1"
 
 
 def opposes(omega: Real, response: Complex) -> bool:
-    """Return whether a response, (n_freq,), begins at -180 deg, by a line through its phase."""
-    return bool(
-        omega.size > 2 and np.cos(np.polyfit(omega, np.unwrap(np.angle(response)), 1)[1]) < -0.5
+    """Return whether a rate over its control, (n_freq,), is rather a controller's inverse.
+
+    That is -e^(s tau) / (P + I/s + D s), a vehicle g e^(-s tau) / (s + a), of no negative P, I, D,
+    g and tau: that one counts whose inverse is closer to the response's, each error over its size.
+    """
+    s = 1j * omega
+
+    def left(*parts: Any) -> float:
+        rows = np.stack(parts, axis=1) * response[:, None]
+        return nnls(np.vstack([rows.real, rows.imag]), np.repeat([1.0, 0.0], omega.size))[1]
+
+    early = np.exp(np.outer(np.linspace(0.0, 0.3, 31), s))
+    return omega.size > 3 and min(left(-late, -late / s, -late * s) for late in 1.0 / early) < min(
+        left(one, -one, s * one) for one in early
     )
 
 
@@ -183,10 +195,10 @@ class FrequencyResponse(Value, Displayed):
 
     @property
     def opposed(self) -> bool:
-        """Whether a rate falls where the control rises that should raise it."""
+        """Whether a rate over its control is rather a controller's inverse: see `opposes`."""
         return any(
             opposes(self.frequency[self.usable()[at]], self.response[at][self.usable()[at]])
-            for control, rate in RAISED.items()
+            for control, rate in zip(("lat", "lon", "ped"), RATES)
             if control in self.inputs and rate in self.outputs
             for at in [self.index(rate, control)]
         )

@@ -78,7 +78,7 @@ class FoundExcitation:
 class FoundAnswer:
     """A channel that responds coherently in a band, rad/s, with a `structure` such as "tf:0/2".
 
-    It `opposes` its input if it begins at -180 deg.
+    It `opposes` its input if it is rather a controller's inverse, as a rate or as an attitude.
     """
 
     input: str
@@ -233,7 +233,8 @@ def _answer(
     return [
         FoundAnswer(
             *(excited.channel, output, float(low), float(high), mean, f"tf:{zeros}/{poles}"),
-            opposes=opposes(omega[inside], gain),
+            opposes=output in (*RATES, *ATTITUDES)
+            and opposes(omega[inside], gain * (1j * omega[inside]) ** (output in ATTITUDES)),
         )
     ]
 

@@ -28,7 +28,7 @@ from helisim.look.excitation import (
 from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
 from helisim.records.quality import ANGLES
-from helisim.records.record import IN1, IN2, RAISED, RATES, STICKS
+from helisim.records.record import IN1, IN2, RATES, STICKS
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
@@ -43,6 +43,7 @@ _HELICOPTER = {
 _MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
 _FLOWN, _FLOWN_TO = 90.0, 30.0  # s and rad/s of the sweep to fly where a log shows nothing
 _BEFORE, _AFTER = 2.0, 8.0  # s around one event, in which it is at rest and answered
+_OWN = {"lat": ("p", "phi"), "lon": ("q", "theta"), "ped": ("r", "psi"), "col": ("w", "az")}
 _AXIS = {one: name for name, stick in STICKS.items() for one in (name, stick)}
 
 
@@ -135,8 +136,9 @@ def _looked(log: LogLook) -> LogLook:
     swept = own_sweeps(Path(log.path)) if log.records else ()
     if swept or not log.records:
         of_use = any(not one.unused for one in swept) or not (swept or log.channels)
-        said = log.findings if of_use else (*log.findings, _instead(log, ()))
-        return replace(log, sweeps=swept, findings=said)
+        return replace(
+            log, sweeps=swept, findings=(*log.findings, *(() if of_use else (_instead(log, ()),)))
+        )
     record = max(log.records, key=lambda one: one.duration)
     rates = {one.name: one.rate for one in log.channels}
     there = [name for name in CONTROLS if name in record]
@@ -152,11 +154,11 @@ def _looked(log: LogLook) -> LogLook:
         if found and found[0].input in events:
             excited = tuple(events.values())
             said.append(_event(events.pop(found[0].input), tuple(events)))
+    shaped = {a.channel for a in excited if a.kind != "motion" or log.format not in (OURS, *EXACT)}
     closed = sorted(
-        one.input
-        for one in found
-        if one.opposes and RAISED.get(one.input) == one.output and log.format in (OURS, *EXACT)
-        if ("motion", one.input) in {(its.kind, its.channel) for its in excited}
+        {one.input for one in found if one.input in _OWN}
+        - shaped
+        - {a.input for a in found if a.output in _OWN.get(a.input, ()) and not a.opposes}
     )
     found = tuple(one for one in found if one.input not in closed)
     said += loops(record, found, rates)
@@ -165,8 +167,8 @@ def _looked(log: LogLook) -> LogLook:
             0,
             LogFinding(
                 "missing",
-                f"{' and '.join(closed)} opposes what the gyro measures, as a controller's command "
-                "does that nothing else moves: sweep, or fly by the sticks"
+                f"{' and '.join(closed)} moved as a controller's command does, and no vehicle "
+                "answers it: sweep, or fly by the sticks"
                 if closed
                 else "nothing answers coherently: sweep longer, larger, or in calmer air"
                 if excited
@@ -182,13 +184,13 @@ def _looked(log: LogLook) -> LogLook:
 
 def _event(one: FoundExcitation, others: Sequence[str]) -> LogFinding:
     """Return how to take a control's single event by itself, where others moved, too."""
-    text = (
+    limits = {"from": max(one.start - _BEFORE, 0.0), "to": one.stop + _AFTER}
+    return LogFinding(
+        "event",
         f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
-        + f"; {', '.join(others)} moved then, too, whose part can't be told from it" * bool(others)
+        + f"; {', '.join(others)} moved then, too, whose part can't be told from it" * bool(others),
+        tuple(Option(name, f"{at:.4g}") for name, at in limits.items()),
     )
-    limits = (max(one.start - _BEFORE, 0.0), one.stop + _AFTER)
-    cut = tuple(Option(name, f"{at:.4g}") for name, at in zip(("from", "to"), limits))
-    return LogFinding("event", text, cut)
 
 
 def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
@@ -196,8 +198,11 @@ def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
     there = [one.name for one in log.channels if one.name in CONTROLS]
     axes = dict.fromkeys(_AXIS[one] for one in [one.channel for one in excited] or there or IN1)
     least = math.ceil(_FLOWN_TO * SAMPLES_A_PERIOD / (2.0 * math.pi))
-    mine = (one for one in log.channels if one.name in (*CONTROLS, *RATES) and one.rate < least)
-    slow = ", ".join(f"{one.name} {one.rate:.3g}" for one in mine)
+    slow = ", ".join(
+        f"{one.name} {one.rate:.3g}"
+        for one in log.channels
+        if one.name in (*CONTROLS, *RATES) and one.rate < least
+    )
     text = (
         f"fly instead a sweep of {' and one of '.join(axes)}, thrice, of {_FLOWN:g} s from "
         f"{math.ceil(20.0 * math.pi * WINDOWS / _FLOWN) / 10.0:g} to {_FLOWN_TO:g} rad/s, other "
@@ -241,8 +246,11 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     excited = {one.channel for looked_at in used for one in looked_at.excitations}
     sticks = sticks if closed & set(sticks) and set(sticks) <= excited else ()
     seen = {one.name: one for one in used[0].channels}
-    angles = ((seen.get(ANGLES.get(name, "")), seen[name].clock) for name in outputs)
-    known = [one.name for one, clock in angles if one and not one.sized and one.clock == clock]
+    known = [
+        one.name
+        for one, rate in ((seen.get(ANGLES.get(name, "")), seen[name]) for name in outputs)
+        if one and not one.sized and one.clock == rate.clock
+    ]
     names = (*inputs, *outputs, *sticks, *known)  # angles tell a wrong clock or unit of rates
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
     if not used:

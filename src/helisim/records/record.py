@@ -41,8 +41,6 @@ IN2 = ("COL", "LON", "LAT", "PED")
 STICKS: dict[str, str] = dict(zip(IN1, IN2))
 SERVOS = ("servo_front", "servo_left", "servo_right", "servo_tail")
 RATES = ("p", "q", "r")
-RAISED: dict[str, str] = dict(zip(("lat", "lon", "ped"), RATES))
-"""Control -> the rate that it raises."""
 ATTITUDES = ("phi", "theta", "psi")
 VELOCITIES = ("u", "v", "w")
 ACCELERATIONS = ("ax", "ay", "az")
