@@ -214,7 +214,7 @@ def test_a_command_that_only_a_controller_moves_shows_no_vehicle(tmp_path, swept
     words = ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--band", "3", "60"]
     words += ["--channel", "lat=RATE.ROut:1", "--channel", "p=RATE.R:deg/s", "--quiet"]
     assert main(["identify", str(path), *words]) in (1, 3)
-    said = "feedback" if swept else "and opposes it, as what a controller answers"
+    said = "feedback" if swept else "opposes it, as what a controller answers"
     assert said in " ".join(capsys.readouterr().out.split())
 
 

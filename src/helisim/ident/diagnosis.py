@@ -288,18 +288,22 @@ def implausible(
     """Yield what no vehicle has: `values` are parameters with standard errors.
 
     `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; `opposed` is
-    whether a rate falls where its control rises, and no reference says what moved that.
+    whether the response looks like a controller's inverse, and no reference says what moved it.
     """
     late = delay_names(structure)
     for one in structure.free:
         value, error = values[one.name]
-        least = max(_DELAY_ERRORS * error, 0.0 if opposed else _EARLY)
-        if one.name in late and value < -least:
+        least = error if opposed else -max(_DELAY_ERRORS * error, _EARLY)
+        if one.name in late and value < least:
             yield Note(
                 "delay",
-                f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer leads its "
-                f"cause{', and opposes it, as what a controller answers' * opposed}; the columns' "
-                "times differ, or the input is not what drives it",
+                f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer "
+                + (
+                    "doesn't follow its cause, and opposes it, as what a controller answers"
+                    if opposed
+                    else "leads its cause"
+                )
+                + "; the columns' times differ, or the input is not what drives it",
             )
         if one.unit == "rad" and abs(value) - error > _LARGEST_FLAPPING:
             yield Note(

@@ -22,7 +22,7 @@ from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import decibel
 from helisim.ident.conditions import Conditions
 from helisim.ident.scatter import ErrorModel
-from helisim.records.record import RATES, made_by
+from helisim.records.record import ATTITUDES, RATES, made_by
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure
@@ -195,12 +195,14 @@ class FrequencyResponse(Value, Displayed):
 
     @property
     def opposed(self) -> bool:
-        """Whether a rate over its control is rather a controller's inverse: see `opposes`."""
+        """Whether a rate or attitude over its control is rather a controller's inverse."""
         return any(
-            opposes(self.frequency[self.usable()[at]], self.response[at][self.usable()[at]])
-            for control, rate in zip(("lat", "lon", "ped"), RATES)
-            if control in self.inputs and rate in self.outputs
-            for at in [self.index(rate, control)]
+            opposes(self.frequency[ok], self.response[at][ok] * (1j * self.frequency[ok]) ** order)
+            for names, order in ((RATES, 0), (ATTITUDES, 1))
+            for control, name in zip(("lat", "lon", "ped"), names)
+            if control in self.inputs and name in self.outputs
+            for at in [self.index(name, control)]
+            for ok in [self.usable()[at]]
         )
 
     def plot(self, pairs: "Sequence[str] | str | None" = None) -> "Figure":

@@ -154,11 +154,14 @@ def _looked(log: LogLook) -> LogLook:
         if found and found[0].input in events:
             excited = tuple(events.values())
             said.append(_event(events.pop(found[0].input), tuple(events)))
-    shaped = {a.channel for a in excited if a.kind != "motion" or log.format not in (OURS, *EXACT)}
+    own = {
+        *((a.input, a.opposes) for a in found if a.output in _OWN.get(a.input, ())),
+        *((one.channel, one.kind) for one in excited),
+    }
     closed = sorted(
-        {one.input for one in found if one.input in _OWN}
-        - shaped
-        - {a.input for a in found if a.output in _OWN.get(a.input, ()) and not a.opposes}
+        control
+        for control in {one.input for one in found if log.format in (OURS, *EXACT)} & {*_OWN}
+        if (control, False) not in own and {(control, True), (control, "motion")} & own
     )
     found = tuple(one for one in found if one.input not in closed)
     said += loops(record, found, rates)
