@@ -3,10 +3,12 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import helisim as hs
 import script
+from helisim.ident.response import opposes
 from tabled import tabled
 
 verdicts = script.loaded("proof/verdicts")
@@ -26,3 +28,9 @@ def test_what_records_say_against_a_response(damage, kinds, said):
     assert NUMBER.sub("N", text) == NUMBER.sub("N", said)
     numbers = [list(map(float, NUMBER.findall(one))) for one in (text, said)]
     assert numbers[0] == pytest.approx(numbers[1], rel=0.03)
+
+
+@tabled("rate", "is_")
+def test_a_controllers_inverse_is_told_from_a_vehicle(rate, is_):
+    s = 1j * np.geomspace(0.8, 30.0, 60)
+    assert opposes(s.imag, rate(s)) is is_

@@ -116,13 +116,6 @@ def test_derivatives_about_the_hover_lie_on_a_smooth_curve(name):
 verdicts = script.loaded("proof/verdicts")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("damage", ["clock 10 % fast", "2 % dropped, restamped"])
-def test_a_damaged_flight_is_not_sound(damage):
-    truth = verdicts.TRUTHS["rollpitch"]
-    assert verdicts.judged(truth, verdicts.DAMAGES[damage](truth, 3)).word in ("doubtful", "wrong")
-
-
 @pytest.mark.parametrize(
     "name",
     ["yaw", *(pytest.param(k, marks=pytest.mark.slow) for k in ("ship", "rollpitch", "heave"))],
