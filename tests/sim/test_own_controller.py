@@ -13,10 +13,9 @@ import own_laws
 from helisim.base.errors import DivergedError, InputError
 from helisim.physics.gyro import gyro_law
 from helisim.physics.layout import PARAM, STATE
-from helisim.sim.gains import on_law
 from helisim.vehicle import Controller
 from helisim.vehicle.addresses import addresses
-from helisim.vehicle.law import trimmed_sticks
+from helisim.vehicle.law import on_law, trimmed_sticks
 from own_laws import HOLDS
 from tabled import tabled
 

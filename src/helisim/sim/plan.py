@@ -48,7 +48,6 @@ from helisim.base.settings import (
 from helisim.physics.layout import NEVER, PARAM, ROLL_ATTITUDE, ROLL_VELOCITY
 from helisim.records.record import AXES, SERVOS, FlightRecord
 from helisim.sim.excitation import Excitation, check_excitation
-from helisim.sim.gains import on_law
 from helisim.sim.ground import Ground
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.missions.mission import Mission, check_mission
@@ -56,7 +55,7 @@ from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import own_parts, root_body, write_named
-from helisim.vehicle.law import trimmed_sticks
+from helisim.vehicle.law import on_law, trimmed_sticks
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,10 +15,9 @@ import numpy as np
 from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.records.record import AXES
-from helisim.sim.gains import on_law
 from helisim.vehicle import Vehicle
 from helisim.vehicle.addresses import root_body
-from helisim.vehicle.law import trimmed_sticks
+from helisim.vehicle.law import on_law, trimmed_sticks
 from helisim.vehicle.trim import Motion, Trim
 
 ATTITUDE, VELOCITY, POSITION = 3.0, 1.0, 0.35
