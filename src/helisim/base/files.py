@@ -85,7 +85,7 @@ def read_json(path: str | PathLike[str]) -> dict[str, Any]:
 def parse_object(text: str | bytes, what: str) -> dict[str, Any]:
     """Return a JSON object from text. Raises StorageError, which begins with `what`."""
     try:
-        data = json.loads(text)
+        data = json.loads(text, parse_constant=int)  # which NaN and Infinity are not
     except (ValueError, RecursionError) as error:
         raise StorageError(f"{what} is not JSON: {error}") from None
     if not isinstance(data, dict):
