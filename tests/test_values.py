@@ -37,7 +37,7 @@ def make_design(law):
     spec = hs.standard("margins", axes=("lat",))[1]
     rating = spec.criterion.rated({"gain_margin": 9.0, "phase_margin": 1.0, "crossover": 12.0})
     judged = (Judged(spec, None, rating, rating, 1.0),)
-    told = {"margin": 0.1, "share": 1.0, "drawn": 200, "provenance": {"seed": 1}}
+    told = {"margin": 0.1, "share": 1.0, "samples": 200, "provenance": {"seed": 1}}
     return hs.DesignResult(before=law, law=law, judged=judged, **told)
 
 
@@ -85,7 +85,7 @@ def values(jr700, tmp_path_factory):
         hs.Airframe(mass=4.2, rotor=1.35, rpm=2100.0),
         *(hs.SampleLoss(share=0.1), hs.RecordGap(at=3.0, lasts=1.0), hs.examples()["logger"]),
         *(record, hs.screen(record), hs.screen(record).report, make_inferred()),
-        *(roll, roll.parameters[0], fit, fit.data, fit["L_b"], fit.misfit, fit.modes),
+        *(roll, roll.parameters[0], fit, fit.data, fit["L_b"], fit.residual, fit.modes),
         *(fit.modes.poles[0], item, item.verification, item.verification.figures),
         *(item.verification.traces[0], results, Run(results, (item,), {"lat": (record,)})),
         *(cut, hs.MeasuredMargins(MeasuredLoop((driven,), (cut,)), (figure,), ("short",))),

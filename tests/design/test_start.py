@@ -211,7 +211,7 @@ FREE = free_parameters(SmallLaw().parameters(), {})
 
 
 def designed(specs=None, law=None, plant=PLANT, **options):
-    given = {"models": 0, "drawn": 0, "period": PERIOD} | options
+    given = {"models": 0, "samples": 0, "period": PERIOD} | options
     return design(plant, law or SmallLaw(), small_specs() if specs is None else specs, **given)
 
 
@@ -303,7 +303,7 @@ def test_a_law_that_all_but_misses_is_named_with_its_figures():
 
 @pytest.mark.slow
 def test_models_drawn_keep_level_1_that_a_design_on_the_nominal_one_loses():
-    options = {"margin": 0.0, "drawn": 60}
+    options = {"margin": 0.0, "samples": 60}
     alone, robust = designed(**options), designed(**options, models=20)
     # two bandwidths, each at its border in the model designed for: 1/4, or (20/21)^2, is expected;
     # three standard deviations of a binomial share of 60 are 0.17 and 0.11
@@ -320,9 +320,9 @@ def test_a_result_says_what_is_missed_and_by_how_many_models():
     judged = [Judged(spec, None, poor, poor, 0.75) for spec in specs]
     judged[1] = replace(judged[1], before=good, nominal=good, share=1.0)
     found = DesignResult(SmallLaw(), SmallLaw(), judged, 0.1, 0.75, 4)
-    assert found.misses == ("stability_margins of roll: Level 1 in 75 % of the models drawn",)
+    assert found.misses == ("stability_margins of roll: Level 1 in 75 % of the sampled models",)
     assert replace(found, judged=[replace(judged[1], nominal=poor)]).misses
-    assert "Level 1 in 75 % of 4 models drawn" in repr(found)
+    assert "Level 1 in 75 % of 4 samples" in repr(found)
     assert [one["before"] is None for one in found.to_dict()["specifications"]] == [1, 0, 1]
     assert _told(poor) == "gain_margin 4.5 dB instead of gain_margin 6 dB"
     assert _told(good) == (
@@ -376,7 +376,7 @@ def test_the_worst_model_is_designed_with_and_the_margin_kept(models, most, gain
 
 @pytest.mark.slow
 def test_a_design_is_the_same_again_and_judged_by_models_drawn_anew():
-    one, other = (designed(models=1, drawn=2) for _ in range(2))
+    one, other = (designed(models=1, samples=2) for _ in range(2))
     assert one.to_dict() == other.to_dict()
     before, nominal, *anew = (
         ClosedLoop(plant, law.linear(PERIOD), GRID)

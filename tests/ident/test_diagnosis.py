@@ -281,10 +281,10 @@ def test_the_table_states_each_response_its_band_and_the_support(wobbly):
     (pair,) = wobbly.costs
     low, high = wobbly.bands[pair]
     message = f"J {pair} = {wobbly.costs[pair]:.4g} from {low:.3g} to {high:.3g} rad/s"
-    left = f"{wobbly.misfit.magnitude[pair]:.2g} dB, {wobbly.misfit.phase[pair]:.2g} deg"
+    left = f"{wobbly.residual.magnitude[pair]:.2g} dB, {wobbly.residual.phase[pair]:.2g} deg"
     assert f"{message}; {left} noise included" in lines
-    known = replace(wobbly.misfit, ratio=2.0)
-    assert f"{message}; {left} beyond noise" in str(replace(wobbly, misfit=known)).splitlines()
+    known = replace(wobbly.residual, ratio=2.0)
+    assert f"{message}; {left} beyond noise" in str(replace(wobbly, residual=known)).splitlines()
     for single, word in ((200.0, "acceptable"), (200.1, "too high")):
         assert replace(wobbly, costs={pair: 0.0, "a": 0.0, "b": single}).judged == word
     for cost, word in ((50.0, "excellent"), (100.0, "acceptable"), (100.1, "too high")):

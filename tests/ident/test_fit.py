@@ -276,16 +276,16 @@ def test_what_a_known_error_makes_of_the_others_is_what_fits_with_other_values_f
     assert known["lag"].interval == pytest.approx((0.05 - 0.0196, 0.05 + 0.0196))
 
 
-def test_the_misfit_is_what_the_structure_cannot_follow():
+def test_the_residual_is_what_the_structure_cannot_follow():
     ripple = 1.0 + 0.02 * np.sqrt(2.0) * np.cos(2.0 * np.pi * np.arange(AT.size) / 2.5)
     frf = yaw_data(50.0 / (AT + 0.7) * ripple)
     found = identify(frf, structures.yaw_base, frequencies_per_response=30)
     # the ripple's own nonlinearity in dB, and the little that three parameters take from it
-    assert found.misfit.magnitude["r/ped"] == pytest.approx(0.4 / math.log(10.0), rel=0.05)
-    assert found.misfit.percent["r/ped"] == pytest.approx(2.0, rel=0.05)
+    assert found.residual.magnitude["r/ped"] == pytest.approx(0.4 / math.log(10.0), rel=0.05)
+    assert found.residual.percent["r/ped"] == pytest.approx(2.0, rel=0.05)
     # a tenth of a ripple of 1.15 deg: the delay takes what it can of the uneven ends
-    assert found.misfit.phase["r/ped"] < 0.1
-    assert found.misfit.ratio is None
+    assert found.residual.phase["r/ped"] < 0.1
+    assert found.residual.ratio is None
     assert "dB, " in str(found)
 
 

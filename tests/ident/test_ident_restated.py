@@ -15,8 +15,8 @@ from scipy.stats import f as fisher
 
 from helisim.base.errors import IdentificationError
 from helisim.ident import (
-    Misfit,
     Parameter,
+    Residual,
     Structure,
     in_series,
     local,
@@ -416,13 +416,13 @@ def test_a_lower_order_is_believed_up_to_an_f_test(full, beyond, advised):
     assert told(0.999 * np.abs(x)) == ((), frozenset())
 
 
-def misfits(ratio, percent):
+def residuals(ratio, percent):
     none = {"r/ped": 0.0, "p/lat": 0.0}
-    return Misfit(none | {"p/lat": 0.2 * np.log(10.0) ** -1 * percent}, none, ratio)
+    return Residual(none | {"p/lat": 0.2 * np.log(10.0) ** -1 * percent}, none, ratio)
 
 
 @tabled("poles", "left", "kind")
-def test_a_fit_is_doubted_for_a_fast_unstable_pole_or_much_misfit(poles, left, kind):
+def test_a_fit_is_doubted_for_a_fast_unstable_pole_or_large_residual(poles, left, kind):
     """From 0.4 of the band's top, 10 rad/s; from ten times the noise's power and 5 %."""
     note = doubt((1.0, 10.0), [complex(pole) for pole in poles], left)
     assert (note and note.kind) == kind

@@ -235,7 +235,7 @@ def made_result():
     for spec in SPECS:
         before, now, one, other = map(spec.criterion.rate, map(Roll, (3.0, 5.0, 5.5, 4.5)))
         judged.append(Judged(spec, before, now, one, 0.5, (one, other)))
-    found = {"judged": tuple(judged), "margin": 0.1, "share": 0.5, "drawn": 2}
+    found = {"judged": tuple(judged), "margin": 0.1, "share": 0.5, "samples": 2}
     changed = law.replace({"lat.k_rate": 0.0625})
     return DesignResult(before=law, law=changed, **found, provenance={"made_by": "<a test>"})
 
@@ -275,7 +275,7 @@ def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path)
         assert float(cell) == pytest.approx(90.0 - np.rad2deg(0.05 * gain), abs=0.1)
     assert float(row[8]) == pytest.approx(np.rad2deg(compared.value), rel=0.01)
     assert "lat was at its stops 12 % of the time in rough air" in text
-    assert "Level 1 in 50 % of the models drawn" in text
+    assert "Level 1 in 50 % of the sampled models" in text
     assert "a remark &amp; more" in text
     assert "k_rate = 0.0625" in text
     assert "&lt;a test&gt;" in text
@@ -296,7 +296,7 @@ def test_what_is_worse_than_before_is_said_first():
         return SimpleNamespace(nominal=rated, before=was, spec=SimpleNamespace(kind="shown"))
 
     def text(*judged):
-        return verdict(SimpleNamespace(judged=judged, share=1.0, drawn=2), None)
+        return verdict(SimpleNamespace(judged=judged, share=1.0, samples=2), None)
 
     assert text(made(3, 1)).startswith(
         "Worse than with the law before: roll attitude quickness Level 3 (was 1). 0 of 0"
@@ -310,7 +310,7 @@ def test_a_design_that_did_not_fly_has_a_page_and_is_shown(tmp_path):
     assert 'id="numbers"' not in text
     result = made_result()
     assert len(result.plot().axes) == 3
-    assert "Level 1 in 50 % of 2 models drawn" in result._repr_html_()
+    assert "Level 1 in 50 % of 2 sampled models" in result._repr_html_()
 
 
 def test_a_loop_as_measured_has_bars_of_its_draws(proof):

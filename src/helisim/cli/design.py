@@ -40,7 +40,7 @@ def design(o: Options) -> int:
         --out DIR <=design>  folder (default: design)
         --no-proof  don't fly the law
         --margin M <float =0.1>  share of the distance between Levels 1 and 2 (default: 0.1)
-        --models N <=20>  drawn (default: 20)
+        --models N <=20>  samples to design with (default: 20)
         @seed: of draws and flights
         @quiet
 

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 FORMAT = "helisim design, version 1"
 MARGIN = 0.1  # design margin kept from Level 1's border, a share of the distance to Level 2's
-MODELS = 20  # models drawn by the fit's covariance that are designed with
-DRAWN = 200  # models drawn anew, for the share that keeps Level 1
+MODELS = 20  # models sampled by the fit's covariance that are designed with
+SAMPLES = 200  # models sampled anew, for the share that keeps Level 1
 
 Progress = Callable[[str], None]
 
@@ -44,7 +44,8 @@ Progress = Callable[[str], None]
 class Judged:
     """One specification's ratings before (None: unstable or no response), and designed.
 
-    `worst` is of nominal and drawn models, `cloud` of each drawn one, `share` of those in Level 1.
+    `worst` is of nominal and sampled models, `cloud` of each sampled one, `share` of those in
+    Level 1.
     """
 
     spec: Spec
@@ -80,7 +81,7 @@ class Judged:
 class DesignResult(Value, Displayed):
     """A designed law with ratings; each specification keeps `margin` in the models designed with.
 
-    `share` is of the `drawn` models in which every hard and soft specification keeps Level 1.
+    `share` is of the `samples` models in which every hard and soft specification keeps Level 1.
     """
 
     before: Law
@@ -88,7 +89,7 @@ class DesignResult(Value, Displayed):
     judged: tuple[Judged, ...]
     margin: float
     share: float
-    drawn: int
+    samples: int
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -98,7 +99,7 @@ class DesignResult(Value, Displayed):
     def __repr__(self) -> str:
         return (
             f"DesignResult({len(self.judged)} specifications, Level 1 in "
-            f"{100.0 * self.share:.3g} % of {self.drawn} models drawn, margin {self.margin:.3g})"
+            f"{100.0 * self.share:.3g} % of {self.samples} samples, margin {self.margin:.3g})"
         )
 
     @property
@@ -108,10 +109,10 @@ class DesignResult(Value, Displayed):
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """One sentence for each missed level, in the nominal or a drawn model."""
+        """One sentence for each missed level, in the nominal or a sampled model."""
         return tuple(
             f"{one.nominal.criterion.name} of {one.nominal.criterion.word}: Level 1 "
-            f"in {100.0 * one.share:.3g} % of the models drawn"
+            f"in {100.0 * one.share:.3g} % of the sampled models"
             for one in self.judged
             if one.spec.kind in ("hard", "soft") and (one.share < 1.0 or one.nominal.level > 1)
         )
@@ -125,7 +126,7 @@ class DesignResult(Value, Displayed):
             "specifications": [one.to_dict() for one in self.judged],
             "margin": self.margin,
             "share_level_1": self.share,
-            "drawn": self.drawn,
+            "samples": self.samples,
             "provenance": dict(self.provenance),
         }
 
@@ -148,7 +149,7 @@ def design(
     only: Sequence[str] | None = None,
     margin: float = MARGIN,
     models: int = MODELS,
-    drawn: int = DRAWN,
+    samples: int = SAMPLES,
     seed: int = 1,
     period: float | None = None,
     on_progress: Progress | None = None,
@@ -156,11 +157,11 @@ def design(
     """Find the parameters of a law with which a model meets specifications at the least cost.
 
     Hard constraints come first, then Level 1 of the soft specifications, then the design margin,
-    then the summed objective; in the worst of the nominal model and of `models` drawn.
+    then the summed objective; in the worst of the nominal model and of `models` sampled ones.
 
     The start is `law`'s own parameters, `before` by default too; `bounds` and `only` are as in
     `free_parameters`. `margin` is a share of the distance between the borders of Levels 1 and 2;
-    `drawn` models are drawn anew to judge by. `period`, s, of ticks is by default the plant's own.
+    `samples` models are sampled anew to judge by. `period`, s, of ticks is the plant's own if None.
     Fits are taken as a `Plant` without latencies; another plant needs `draws(count, seed=...)`.
 
     Raises InputError of arguments, UnstableError if no law of this structure is stable,
@@ -168,7 +169,7 @@ def design(
     """
     if not 0.0 <= margin < 10.0:
         raise InputError(f"the design margin is 0 or more and below 10, got {margin!r}")
-    for name, count in (("models", models), ("drawn", drawn)):
+    for name, count in (("models", models), ("samples", samples)):
         if count < 0:
             raise InputError(f"{name} must be 0 or more, got {count}")
     if not specs:
@@ -193,20 +194,20 @@ def design(
         at, kept = search.run()
         if kept < 0.0 and search.models == (0,):
             raise infeasible(problem, at)
-        judged, share = _judged(problem, at, before or law, _draws(plant, drawn, seed + 1), tell)
+        judged, share = _judged(problem, at, before or law, _draws(plant, samples, seed + 1), tell)
     return DesignResult(
         before=before or law,
         law=problem.law_at(at),
         judged=judged,
         margin=kept,
         share=share,
-        drawn=drawn,
+        samples=samples,
         provenance=made_by(
             "design",
             seed=seed,
             margin=margin,
             models=models,
-            drawn=drawn,
+            samples=samples,
             designed_with=len(search.models),
             period_s=ticks,
             free={one.name: [one.low, one.high] for one in free},
@@ -225,7 +226,7 @@ def _judged(
     stable = np.array([growth(loop) <= 0.0 for loop in loops])
     holds = np.array([[one.distance >= 0.0 for one in ratings] for ratings in rated])
     holds &= stable[:, None]
-    tell("models drawn")
+    tell("sampled models")
     loop = ClosedLoop(first, before.linear(problem.period), GRID)
     judged = []
     for k, (spec, here) in enumerate(zip(problem.specs, nominal)):
@@ -242,7 +243,7 @@ def _judged(
 def _draws(plant: Any, count: int, seed: int) -> tuple[Linear, ...]:
     if count and not hasattr(plant, "draws"):
         raise InputError(
-            "the model has no draws, so none can be designed with: give models=0, drawn=0, or a "
+            "the model has no draws, so none can be designed with: give models=0, samples=0, or a "
             "plant of fits with covariances"
         )
     return tuple(plant.draws(count, seed=seed)) if count else ()

@@ -181,7 +181,7 @@ class Plant(Value):
         )
 
     def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":
-        """Return plants drawn by the fits' covariances. Raises InputError without covariance."""
+        """Return plants sampled by the fits' covariances. Raises InputError without covariance."""
         rng = np.random.default_rng(seed)
         return tuple(replace(self, values=sample_parameters(self.fits, rng)) for _ in range(count))
 

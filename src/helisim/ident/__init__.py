@@ -2,7 +2,7 @@
 
 from helisim.ident import blocks, structures
 from helisim.ident.ardupilot import ArduPilotModel
-from helisim.ident.diagnosis import Misfit
+from helisim.ident.diagnosis import Residual
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import (
@@ -28,11 +28,11 @@ __all__ = [
     "Fit",
     "FittedParameter",
     "FrequencyResponse",
-    "Misfit",
     "Mode",
     "Modes",
     "Parameter",
     "RecordQualityWarning",
+    "Residual",
     "Structure",
     "Verification",
     "blocks",

@@ -1,4 +1,4 @@
-"""The verdict on a fit, and what is doubtful in it: misfit, unsupported parameters, causes."""
+"""The verdict on a fit, and what is doubtful in it: residual, unsupported parameters, causes."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -75,7 +75,7 @@ RATIO_LIMIT = 2.0  # residuals of more times the noise's power are the structure
 # the average cost that is none, however little noise there is: 0.002 dB
 _BELIEVED, _NOTHING = 0.999, 1e-4
 _FAR = 5.0  # times the band's top: farther poles are not in the data
-# Times the noise's power, and percent of a response, from which a misfit is worth a word
+# Times the noise's power, and percent of a response, from which a residual is worth a word
 _RATIO, _PERCENT = 10.0, 5.0
 _EXPLAINED = 0.75  # share of a response's cost at one edge of the band
 _EDGE = 0.34  # of a band's points, that are its edge
@@ -85,8 +85,8 @@ _DOUBTFUL = 0.75  # mean coherence below which a response's data are doubted
 
 
 @dataclass(frozen=True, eq=False)
-class Misfit(Value):
-    """Rms misfit of each response ("p/lat") without noise's part: `magnitude` dB, `phase` deg.
+class Residual(Value):
+    """Rms residual of each response ("p/lat") without noise's part: `magnitude` dB, `phase` deg.
 
     `ratio` is the residuals' power over the noise's; None if noise is unknown and not taken out.
     """
@@ -111,14 +111,14 @@ class Misfit(Value):
     def summary(self) -> str:
         """Meaning of the ratio, in a line."""
         if self.ratio is None:
-            return "how much of the misfit is noise isn't known"
+            return "how much of the residual is noise isn't known"
         said = f"what the model leaves is {self.ratio:.3g} times what noise would leave"
         if self.ratio > RATIO_LIMIT:
             said += "; the structure can't follow, and the standard errors hold what that makes"
         return said
 
     def words(self, name: str) -> str:
-        """Return a response's misfit as text, such as "0.12 dB, 0.8 deg beyond noise"."""
+        """Return a response's residual as text, such as "0.12 dB, 0.8 deg beyond noise"."""
         which = "noise included" if self.ratio is None else "beyond noise"
         return f"{self.magnitude[name]:.2g} dB, {self.phase[name]:.2g} deg {which}"
 
@@ -133,19 +133,19 @@ class Misfit(Value):
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Misfit":
+    def from_dict(cls, data: Mapping[str, Any]) -> "Residual":
         """Read what `to_dict` wrote. Raises InputError."""
         keys = ("magnitude_db", "phase_deg")
         rows = [convert(Mapping[str, float | None], data.get(key), key) for key in keys]
         if {*rows[0]} != {*rows[1]}:
-            raise InputError(f"misfit has other responses in {keys[0]} than in {keys[1]}")
+            raise InputError(f"residual has other responses in {keys[0]} than in {keys[1]}")
         sizes = ({k: math.inf if x is None else x for k, x in row.items()} for row in rows)
         magnitude, phase = sizes
         return cls(magnitude, phase, convert(float | None, data.get("ratio"), "ratio"))
 
 
-def misfit(cost: Cost, x: Real, noise: Real | None, ratio: float | None) -> Misfit:
-    """Return the misfit of a fit at x, (n_free,); `noise`, (2 n_point,), as in `Accuracy`."""
+def residual(cost: Cost, x: Real, noise: Real | None, ratio: float | None) -> Residual:
+    """Return the residual of a fit at x, (n_free,); `noise`, (2 n_point,), as in `Accuracy`."""
     z, _ = cost.ratio(x)
     with np.errstate(all="ignore"):
         squares = np.array([np.log(np.abs(z)) ** 2, np.angle(z) ** 2])
@@ -155,7 +155,7 @@ def misfit(cost: Cost, x: Real, noise: Real | None, ratio: float | None) -> Misf
         name: np.sqrt(np.maximum(squares[:, cost.points.pair == k].mean(axis=1), 0.0))
         for k, name in enumerate(cost.points.pairs)
     }
-    return Misfit(
+    return Residual(
         magnitude={name: float(DB_PER_NEPER * one[0]) for name, one in rms.items()},
         phase={name: float(np.rad2deg(one[1])) for name, one in rms.items()},
         ratio=ratio,
@@ -249,8 +249,10 @@ def delay_names(structure: Structure) -> set[str]:
     return {name for entry in entries for name in entry.expression.names}
 
 
-def doubt(band: tuple[float, float], poles: Iterable[complex], left: Misfit | None) -> Note | None:
-    """Return a doubt of a converged fit: an unstable pole high in the band (rad/s), or misfit."""
+def doubt(
+    band: tuple[float, float], poles: Iterable[complex], left: Residual | None
+) -> Note | None:
+    """Return a doubt of a converged fit: an unstable pole high in the band (rad/s), or residual."""
     fast = max((abs(z) for z in poles if z.real > 0.0 and abs(z) > FAST * band[1]), default=0.0)
     worst = max(left.percent, key=lambda name: left.percent[name]) if left and left.phase else ""
     if fast:

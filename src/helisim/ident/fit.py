@@ -12,7 +12,7 @@ from helisim.base.settings import Limits, convert
 from helisim.ident import diagnosis
 from helisim.ident.bounds import Accuracy, accuracy
 from helisim.ident.cost import Band, Cost, select
-from helisim.ident.diagnosis import degenerate, misfit
+from helisim.ident.diagnosis import degenerate, residual
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
@@ -93,7 +93,7 @@ def identify(
         correlation=quality.correlation,
         covariance=quality.covariance,
         carried=quality.carried,
-        misfit=misfit(cost, best.x, quality.noise, quality.ratio),
+        residual=residual(cost, best.x, quality.noise, quality.ratio),
         costs=dict(zip(points.pairs, cost.per_response(best.x).tolist())),
         bands=dict(zip(points.pairs, points.bands)),
         dropped=points.dropped,

@@ -27,7 +27,7 @@ from helisim.base.settings import Limits, convert
 from helisim.ident.bounds import Accuracy
 from helisim.ident.conditions import Conditions
 from helisim.ident.cost import Band, Cost, select, within
-from helisim.ident.diagnosis import delay_names, misfit
+from helisim.ident.diagnosis import delay_names, residual
 from helisim.ident.evaluate import Sensitivity, response
 from helisim.ident.evidence import evidence
 from helisim.ident.fit import fitted_parameters
@@ -119,7 +119,7 @@ def identify_records(
         correlation=quality.correlation,
         covariance=quality.covariance,
         carried=quality.carried,
-        misfit=misfit(cost, x, None, None),
+        residual=residual(cost, x, None, None),
         costs=dict(zip(points.pairs, cost.per_response(x).tolist())),
         bands=dict(zip(points.pairs, points.bands)),
         dropped=(),

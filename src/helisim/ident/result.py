@@ -21,7 +21,7 @@ from helisim.base.note import Note
 from helisim.base.settings import Checked, Value, convert, placed, setting, to_plain
 from helisim.ident import diagnosis
 from helisim.ident.cost import coherent, enough, within
-from helisim.ident.diagnosis import Misfit, Verdict
+from helisim.ident.diagnosis import Residual, Verdict
 from helisim.ident.evaluate import linear, response
 from helisim.ident.fitted import FittedParameter, finite, text_table
 from helisim.ident.modes import Modes, modes
@@ -64,7 +64,7 @@ class Fit(Checked, Value, Displayed):
 
     `correlation` and `covariance` of the free parameters are (n_free, n_free), the latter infinite
     for unseen ones; `carried` (n_free, n_known) is the error for one standard error of each known
-    one; `searches_agreeing` starts ended in this minimum; `misfit` is beyond noise.
+    one; `searches_agreeing` starts ended in this minimum; `residual` is beyond noise.
     """
 
     structure: Structure
@@ -78,7 +78,7 @@ class Fit(Checked, Value, Displayed):
     data: FrequencyResponse
     covariance: NDArray[np.float64] | None = setting(None, finite=False)
     carried: NDArray[np.float64] | None = setting(None, finite=False)
-    misfit: Misfit | None = None
+    residual: Residual | None = None
     degenerate: tuple[str, ...] = ()
     omitted: tuple[Note, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -109,10 +109,10 @@ class Fit(Checked, Value, Displayed):
             )
         for name, cost in self.costs.items():
             low, high = self.bands[name]
-            left = f"; {self.misfit.words(name)}" if self.misfit else ""
+            left = f"; {self.residual.words(name)}" if self.residual else ""
             lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
-        if self.misfit and self.misfit.ratio is not None:
-            lines.append(self.misfit.summary)
+        if self.residual and self.residual.ratio is not None:
+            lines.append(self.residual.summary)
         told = [note for note in self.notes if note not in self.verdict.reasons]
         lines += [
             f"average J = {self.cost:.4g}: {self.judged}, as costs go",
@@ -188,7 +188,7 @@ class Fit(Checked, Value, Displayed):
             ),
         )
         poles = [one.value for one in self._modes.poles] if self._modes else []
-        doubt = diagnosis.doubt(self.band, poles, self.misfit)
+        doubt = diagnosis.doubt(self.band, poles, self.residual)
         return (
             *(Note("degenerate", text) for text in self.degenerate),
             *self.data.evidence,
@@ -324,7 +324,7 @@ class Fit(Checked, Value, Displayed):
         )
 
     def plot(self, pairs: "Sequence[str] | str | None" = None) -> "Figure":
-        """Draw data, model, misfit and coherence of `pairs`, such as ("p/lat",); default all."""
+        """Draw data, model, residual and coherence of `pairs`, such as ("p/lat",); default all."""
         return shower().plot_fit(self, pairs)
 
     @property
@@ -350,7 +350,7 @@ class Fit(Checked, Value, Displayed):
             for key, one in given.items()
             if one is not None
         }
-        known |= {} if self.misfit is None else {"misfit": self.misfit.to_dict()}
+        known |= {} if self.residual is None else {"residual": self.residual.to_dict()}
         return {
             "format": FORMAT,
             "structure": self.structure.to_dict(),
@@ -396,7 +396,7 @@ class Fit(Checked, Value, Displayed):
         parameters = {one.name: one for one in fitted}
         response = FrequencyResponse.from_dict(filed["data"])
         pairs, free = structure.pairs, len(structure.free)
-        left = None if given.get("misfit") is None else Misfit.from_dict(given["misfit"])
+        left = None if given.get("residual") is None else Residual.from_dict(given["residual"])
         costs, bands = filed["costs"], filed["bands_rad_s"]
         check_known("response of the fit", (*costs, *filed["dropped"]), pairs)
         for key, names, known in (
@@ -404,7 +404,7 @@ class Fit(Checked, Value, Displayed):
             ("costs", bands or ["any response"], costs),
             ("bands_rad_s", costs, bands),
             ("data", costs, response.pairs),
-            ("misfit", costs, left.percent if left else costs),
+            ("residual", costs, left.percent if left else costs),
         ):
             lacking = [name for name in names if name not in known]
             if lacking:
@@ -423,7 +423,7 @@ class Fit(Checked, Value, Displayed):
             data=response,
             covariance=_matrix(given.get("covariance"), (free, free), "covariance"),
             carried=_matrix(given.get("carried"), (free, len(structure.uncertain)), "carried"),
-            misfit=left,
+            residual=left,
             degenerate=filed["degenerate"],
             omitted=convert(tuple[Note, ...], given.get("omitted", ()), "omitted"),
             options=convert(_Table, filed["provenance"].get("options", {}), "options"),

@@ -73,7 +73,7 @@ def verdict(result: DesignResult, proof: "Proof | None") -> str:
     first = sum(one.nominal.level == 1 for one in asked)
     text = (
         f"{start}{first} of {len(asked)} specifications are in Level 1 in the identified model, "
-        f"all of them in {100.0 * result.share:.3g} % of {result.drawn} models that the records "
+        f"all of them in {100.0 * result.share:.3g} % of {result.samples} models that the records "
         "leave possible."
     )
     if proof is not None:

@@ -300,8 +300,8 @@ def _verified(item: IdentifiedModel, folder: Path | None = None) -> str:
 def _fit_quality(fit: Fit) -> str:
     lengths = ", ".join(f"{length:.3g}" for length in fit.data.windows)
     text = f"Windows of {lengths} s. " if lengths else ""
-    if fit.misfit is not None:
-        text += f"{fit.misfit.summary[0].upper()}{fit.misfit.summary[1:]}."
+    if fit.residual is not None:
+        text += f"{fit.residual.summary[0].upper()}{fit.residual.summary[1:]}."
     names = [parameter.name for parameter in fit.structure.free]
     note = (
         f"Two parameters whose errors' correlation is beyond {CORRELATION_LIMIT:g} can stand in "

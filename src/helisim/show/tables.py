@@ -225,7 +225,7 @@ def fitted(fit: Fit) -> Table:
 
 def responses(fit: Fit) -> Table:
     """Return band, cost and quality of each response of a fit."""
-    rows, left = [], fit.misfit
+    rows, left = [], fit.residual
     for name in fit.costs:
         low, high = fit.bands[name]
         pair = fit.data.index(*name.split("/", 1))
@@ -434,7 +434,7 @@ def design(result: DesignResult) -> Table:
         "Design",
         "axis<|figure<|Level 1|before|designed|worst|unit<|level<|Level 1 %*",
         rows,
-        f"Level 1 in {100.0 * result.share:.3g} % of {result.drawn} models drawn, design "
+        f"Level 1 in {100.0 * result.share:.3g} % of {result.samples} sampled models, design "
         f"margin {result.margin:.2g}",
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import make_folder
 from helisim.base.note import Command, Option
-from helisim.design.design import DRAWN, MARGIN, MODELS, DesignResult, design
+from helisim.design.design import MARGIN, MODELS, SAMPLES, DesignResult, design
 from helisim.design.laws import Law, RateCommand
 from helisim.design.plant import Plant
 from helisim.design.proof import GRID, Proof, prove
@@ -65,7 +65,7 @@ class _Model:
     inflow: Structure | None = None
 
 
-_MISFIT = 10.0  # misfit over noise; the JR700 has 1, with Pitt-Peters inflow 465
+_RESIDUAL = 10.0  # residual over noise; the JR700 has 1, with Pitt-Peters inflow 465
 _ACROSS = 2.0  # scale of the lower end of the bands of responses across axes
 
 _SWASH = blocks.second_order("swash", omega=200.0, zeta=0.7)
@@ -126,7 +126,7 @@ def identify_for_design(
         response, bands = _responses(model, flights, own)
         known = model.plain if test is None else filled(model.spec.structure, model.spec)
         fit = identify(response, known, band=bands)
-        if model.inflow is not None and test and speed and _excess(fit) >= _MISFIT:
+        if model.inflow is not None and test and speed and _excess(fit) >= _RESIDUAL:
             turn = {"turn": own.get("main_rotor.direction", 1.0) / speed}
             other = identify(
                 response, filled(model.inflow, model.spec).with_fixed(turn), band=bands
@@ -210,7 +210,7 @@ def _responses(
 
 
 def _excess(fit: Fit) -> float:
-    return 0.0 if fit.misfit is None else fit.misfit.ratio or 0.0
+    return 0.0 if fit.residual is None else fit.residual.ratio or 0.0
 
 
 RESULT, LAW, SPECS, PROOF = "design.json", "law.toml", "specs.toml", "proof"
@@ -227,7 +227,7 @@ class DesignRun:
 
     @property
     def met(self) -> bool:
-        """Whether every level is kept in all models drawn, and in flight if flown."""
+        """Whether every level is kept in all sampled models, and in flight if flown."""
         return not self.result.misses and not (self.proof and self.proof.misses)
 
     def loop(self, law: Law) -> Loop:
@@ -243,7 +243,7 @@ def run_design(
     specs: Sequence[Spec] | None = None,
     margin: float = MARGIN,
     models: int = MODELS,
-    drawn: int = DRAWN,
+    samples: int = SAMPLES,
     seed: int = 1,
     proof: bool = True,
     on_step: Callable[[str], None] = lambda _: None,
@@ -252,8 +252,8 @@ def run_design(
 
     Shipped vehicles are known by their records. `law` begins the search: None is attitude command
     with the identified model's inverse. `specs` None is `usual_specs` of the vehicle's own gyro.
-    `margin` is a share of the distance between Levels 1 and 2. `models` are drawn by the fits'
-    covariances to design with, `drawn` anew to judge by; `seed` is of draws and flights.
+    `margin` is a share of the distance between Levels 1 and 2. `models` are sampled by the fits'
+    covariances to design with, `samples` anew to judge by; `seed` is of draws and flights.
 
     Raises StorageError, InputError, UnstableError where no parameters stabilise the loops,
     InfeasibleError where a specification can't be met, or DivergedError.
@@ -292,7 +292,7 @@ def run_design(
         only=tuple(bounds) if bounds else None,
         margin=margin,
         models=models,
-        drawn=drawn,
+        samples=samples,
         seed=seed,
         on_progress=on_step,
     )
