@@ -82,10 +82,14 @@ def read_json(path: str | PathLike[str]) -> dict[str, Any]:
     return parse_object(read_text(path), str(path))
 
 
+def _refuse(constant: str) -> float:
+    raise ValueError(f"{constant} is no number")
+
+
 def parse_object(text: str | bytes, what: str) -> dict[str, Any]:
     """Return a JSON object from text. Raises StorageError, which begins with `what`."""
     try:
-        data = json.loads(text, parse_constant=int)  # which NaN and Infinity are not
+        data = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise StorageError(f"{what} is not JSON: {error}") from None
     if not isinstance(data, dict):

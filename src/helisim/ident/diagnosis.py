@@ -80,7 +80,7 @@ _RATIO, _PERCENT = 10.0, 5.0
 _EXPLAINED = 0.75  # share of a response's cost at one edge of the band
 _EDGE = 0.34  # of a band's points, that are its edge
 _DELAY_ERRORS, _EARLY = 3.0, 0.01  # errors, and s (a sample of most logs), that a delay may lead
-_LARGEST_FLAPPING = 1.0  # rad per unit of stick
+_LARGEST_FLAPPING = 0.5  # rad at full travel, 29 degrees: rotors flap by a third of that
 _DOUBTFUL = 0.75  # mean coherence below which a response's data are doubted
 
 
@@ -285,18 +285,21 @@ def implausible(
     values: Mapping[str, tuple[float, float]],
     poles: Iterable[complex],
     line: float,
+    full: Mapping[str, float],
     opposed: bool,
 ) -> Iterator[Note]:
     """Yield what no vehicle has: `values` are parameters with standard errors.
 
-    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; `opposed` is
-    whether the response looks like a controller's inverse, and no reference says what moved it.
+    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; `full` has full
+    travel of commands, where it is known; `opposed` is whether the response looks like a
+    controller's inverse, and no reference says what moved it.
     """
-    late = delay_names(structure)
+    # where nothing tells full travel, it is half of the stick's, as helisim's own is
+    travel = max(full.get(name, 0.5) for name in structure.inputs)
     for one in structure.free:
         value, error = values[one.name]
         least = error if opposed else -max(_DELAY_ERRORS * error, _EARLY)
-        if one.name in late and value < least:
+        if one.name in delay_names(structure) and value < least:
             yield Note(
                 "delay",
                 f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer "
@@ -307,7 +310,7 @@ def implausible(
                 )
                 + "; the columns' times differ, or the input is not what drives it",
             )
-        if one.unit == "rad" and abs(value) - error > _LARGEST_FLAPPING:
+        if one.unit == "rad" and travel * (abs(value) - error) > _LARGEST_FLAPPING:
             yield Note(
                 "flapping",
                 f"{one.name} is {value:.3g} rad per unit of stick, and blades flap by a fraction "

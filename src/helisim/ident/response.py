@@ -37,6 +37,8 @@ def opposes(omega: Real, response: Complex) -> bool:
 
     That is -e^(s tau) / (P + I/s + D s), a vehicle g e^(-s tau) / (s + a), of no negative P, I, D,
     g and tau: that one counts whose inverse is closer to the response's, each error over its size.
+    Delays to 0.3 s are tried, a rotor's, servo's and link's in one, by 10 ms: between two, 30 rad/s
+    is 9 degrees off at most. The first form has four unknowns, so two points tell nothing.
     """
     s = 1j * omega
 

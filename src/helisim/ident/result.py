@@ -198,6 +198,7 @@ class Fit(Checked, Value, Displayed):
                 {name: (one.value, one.standard_error) for name, one in self.parameters.items()},
                 poles,
                 self.data.line,
+                self.data.conditions.full,
                 not self.data.reference and self.data.opposed,
             ),
             *self.omitted,

@@ -8,6 +8,7 @@ Sources: Cleanflight, "Blackbox logging internals"; `blackbox.c` of Rotorflight 
 Betaflight 4.2 to 2025.12.
 """
 
+import math
 import re
 import struct
 from collections.abc import Mapping, Sequence
@@ -27,7 +28,7 @@ from helisim.base.settings import FrozenMap
 from helisim.logs.mapping import Column
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
-from helisim.records.record import ACCELERATIONS, ATTITUDES, RATES
+from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES
 
 _START = b"H Product:Blackbox flight data recorder"
 _SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
@@ -177,7 +178,7 @@ class Blackbox:
     @cached_property
     def source(self) -> Topics:
         """The log as a source of columns, with its faults."""
-        return Topics(
+        found = Topics(
             self.path,
             "Blackbox",
             self.columns,
@@ -188,6 +189,14 @@ class Blackbox:
             self._findings(),
             self.channels,
         )
+        found.full = {  # the firmware's mixer says 1000 at full pitch of the blades
+            name: math.radians(1e3 * scale)
+            for name in IN1
+            if name in self.channels
+            for scale, unit in [self._scale(self.channels[name].column)]
+            if unit == "deg"
+        }
+        return found
 
     @property
     def _motor_tail(self) -> bool:

@@ -253,7 +253,9 @@ def from_source(
         unused = tuple(name for name in source.names if name not in used)
         longest = max(one.time.size for one in samples)
         head = (str(source.path), source.format, digest, samples[0].counts, longest)
-        made, origin = made_by("log reader"), next(iter(origins.values()))
+        own = {n: x for n, x in source.full.items() if map_.channels.get(n) == source.channels[n]}
+        known = {"conditions": {"full": own, "known_by": {"full": source.format}}} if own else {}
+        made, origin = made_by("log reader", **known), next(iter(origins.values()))
         return _assembled(head, samples, unused, origin, options, findings, made)
     except HelisimError as error:
         findings.refuse_error(source.path, error)

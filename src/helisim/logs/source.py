@@ -48,6 +48,8 @@ class Source(ABC):
     counts = "row"
     channels: Mapping[str, Column] = MappingProxyType({})
     """Channel -> column, where a format says all by its names."""
+    full: Mapping[str, float] = MappingProxyType({})
+    """Command of `channels` -> its value at full travel from the middle, SI, where it is known."""
 
     def __init__(
         self, path: Path, names: Sequence[str], findings: Sequence[LogFinding] = ()

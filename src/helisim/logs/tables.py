@@ -119,11 +119,15 @@ class TextLog(TimeTable):
         if first is None:
             raise StorageError(f"{path}: no header and no numbers in it")
         # of the heading, whose names may hold another one, and of the line below it
-        delimiter = layout.delimiter or max(
-            ",;\t| ",
-            key=lambda one: min(
-                _kinds(line, one) for line in islice(filter(str.strip, lines[first:]), 2)
-            ),
+        delimiter = (
+            layout.delimiter
+            or max(
+                ",;\t| ",
+                key=lambda one: min(  # blanks count only where nothing else does
+                    line.count(one) if one != " " else min(1, len(line.split()) - 1)
+                    for line in islice(filter(str.strip, lines[first:]), 2)
+                ),
+            )
         )
         rows = self._read(lines[first:], first + 1, delimiter)
         names = list(layout.names) or rows.pop(0)[1]
@@ -261,11 +265,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text
-
-
-def _kinds(line: str, delimiter: str) -> int:
-    """Return how often a delimiter is in a line; blanks count only where nothing else does."""
-    return line.count(delimiter) if delimiter != " " else min(1, len(line.split()) - 1)
 
 
 class ParquetLog(TimeTable):

@@ -325,6 +325,11 @@ def _known(source: Source, heading: str) -> Real:
 
 
 def _geographic(heading: str, known: Real) -> bool:
+    """Return whether a column "lat" or "lon" is a place's: a stick moves by more of its level.
+
+    A twentieth of 45 degrees of latitude is 250 km; near the equator or Greenwich, at 1 degree,
+    0.002 is 200 m.
+    """
     named = re.sub(r"[^a-z]|deg", "", split_heading(heading)[0].lower())
     level, moved = abs(float(np.median(known))), float(np.ptp(known))
     return named in ("lat", "lon") and (

@@ -88,7 +88,14 @@ def flown_loops(
         remarks += filter(None, map(_cuts_none, mine))
         used = flown[str(path)] = tuple(one for one in mine if not _cuts_none(one))
         records += _records(log, used, remarks) if used else ()
-        gains |= {_gains(log, one.start) for one in used}
+        gains |= {
+            frozenset(
+                (name, value)
+                for name, value in log.parameters(at=one.start + log.begins).items()
+                if name.startswith(_GAINS)
+            )
+            for one in used
+        }
     if len(gains - {frozenset()}) > 1:  # empty of a log without parameters
         remarks.append("gains were changed between sweeps: the loop is a mean of both")
     cuts = tuple(
@@ -115,14 +122,6 @@ def flown_law(log: DataFlash, start: float) -> ArduCopterLaw:
         log.parameters(at=start),
         lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
         steady={axis: steady(pid, "I") for axis, (_, pid, _) in LOGGED.items() if pid in log},
-    )
-
-
-def _gains(log: DataFlash, start: float) -> frozenset[tuple[str, float]]:
-    return frozenset(
-        (name, value)
-        for name, value in log.parameters(at=start + log.begins).items()
-        if name.startswith(_GAINS)
     )
 
 

@@ -83,7 +83,12 @@ class FlightEnvelope(Checked):
         motion = (flight.attitudes, flight.rates, positions, flight.flapping, through)
         yield from ((what, beyond) for _, what, beyond in limits.beyond(*motion))
         if ground is not None and self.clearance is not None:
-            yield from _strikes(limits.shape, ground, flight, self.clearance)
+            for name, rim in limits.shape.rims():
+                heights = point_heights(ground, flight, rim)
+                yield (
+                    f"struck the ground with its {name} rotor",
+                    heights.min(axis=1) < self.clearance,
+                )
             if ground.deck is not None:
                 water = flight.positions - [0.0, 0.0, ground.deck.above]
                 beside = limits.shape.closer_than(0.0, water, flight.attitudes)
@@ -224,14 +229,6 @@ def point_heights(
     """Return how high points (n_point, 3) from the IMU, m, are above the ground, (n, n_point)."""
     turned = np.einsum("tij,nj->tni", trajectory.earth.as_matrix(), points)
     return ground.heights(trajectory.time, trajectory.positions[:, None] + turned)
-
-
-def _strikes(
-    shape: Outline, ground: Ground, trajectory: Trajectory, least: float
-) -> Iterator[tuple[str, Flags]]:
-    for name, rim in shape.rims():
-        near = point_heights(ground, trajectory, rim).min(axis=1) < least
-        yield f"struck the ground with its {name} rotor", near
 
 
 def _hard_landings(

@@ -85,7 +85,14 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
             figures = hover_figures(flown)
             loops = {axis: margins(flown, axis) for axis in LOOPS}
             problems += chain(  # each in turn, so that what was found stays if one raises
-                _implausible(figures),
+                (
+                    Problem(
+                        f"the {name.replace('_', ' ')} is {figures[name]:.4g}, which is "
+                        f"implausible: it is usually {low:g} to {high:g}, SI; look at {look}"
+                    )
+                    for name, (low, high, look) in _USUAL.items()
+                    if not low <= figures[name] <= high
+                ),
                 _misplaced(flown, files),
                 _stale(flown, files),
                 _unwritten(folder),
@@ -172,15 +179,6 @@ def _doubtful(entries: Mapping[str, PhysicalParameter], files: Files) -> Iterato
         if meant:  # else it is its author's own
             yield Problem(
                 f"there is no section [{section}]; did you mean [{meant[0]}]?", found[section]
-            )
-
-
-def _implausible(figures: Mapping[str, float]) -> Iterator[Problem]:
-    for name, (low, high, look) in _USUAL.items():
-        if not low <= figures[name] <= high:
-            yield Problem(
-                f"the {name.replace('_', ' ')} is {figures[name]:.4g}, which is implausible: it is "
-                f"usually {low:g} to {high:g}, SI; look at {look}"
             )
 
 
