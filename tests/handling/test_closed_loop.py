@@ -212,7 +212,7 @@ def test_a_curve_between_its_points_is_a_power_and_a_turn():
     late = Curve(GRID, np.exp(-0.1j * GRID))
     np.testing.assert_allclose(late.phase, -0.1 * GRID, rtol=1e-12)
     for beyond in (0.19, 151.0):
-        with pytest.raises(InputError, match=r"known from 0\.2 to 150 rad/s, not at"):
+        with pytest.raises(NoResponse, match=r"known from 0\.2 to 150 rad/s, not at"):
             late.at([1.0, beyond])
 
 

@@ -147,11 +147,7 @@ def test_a_signal_that_hardly_moves_is_at_rest(more):
     channels = tuple(Channel(name, "1", "OTHER") for name in sizes)
     record, kept = FlightRecord(time, values, channels, {}), more > 1.0
     lon = ["lon_disturbance"] if kept else []
-    assert _drives(record, cuts_by_name([*sizes])) == (
-        "lat_disturbance",
-        *lon,
-        "phi_disturbance",
-    )
+    assert _drives(record, cuts_by_name([*sizes])) == ("lat_disturbance", *lon, "phi_disturbance")
     assert _drives(record, ()) == (("LON", "LAT") if kept else ("LAT",))
 
 

@@ -52,7 +52,8 @@ def test_a_proposed_band_begins_two_digits_above_where_all_is_coherent(low, told
     rows = [("lat", "p", low, 30.0), ("LAT", "p", 0.1, 35.0), ("lat", "q", 0.05, 50.0)]
     rows = [SimpleNamespace(**dict(zip(("input", "output", "low", "high"), row))) for row in rows]
     one = SimpleNamespace(answers=rows, durations=[600.0])
-    assert _band([one], ["lat"], ["p"]) == (told, 35.0)
+    assert _band([one], ["lat"], ["p"], joint=False) == (told, 35.0)
+    assert _band([one], ["lat"], ["p"], joint=True) == (0.1, 35.0)  # the stick's own
 
 
 def sampled(rate, jitter, seed, *columns):

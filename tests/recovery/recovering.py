@@ -37,9 +37,7 @@ def recover(aircraft: Aircraft, seed: int, estimator: str = "local") -> Recovery
     frf = estimated(aircraft, records, estimator)
     fit = identify(frf, aircraft.structure)
     return Recovery(
-        fit=fit,
-        excess=excess(fit, aircraft),
-        points=point_errors(frf, aircraft)[frf.usable()],
+        fit=fit, excess=excess(fit, aircraft), points=point_errors(frf, aircraft)[frf.usable()]
     )
 
 

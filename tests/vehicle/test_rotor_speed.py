@@ -25,13 +25,7 @@ from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble, total_inertia
 from helisim.vehicle.build import write_numbers
-from helisim.vehicle.parameters import (
-    glossary,
-    number_of,
-    term,
-    to_toml,
-    vehicle_names,
-)
+from helisim.vehicle.parameters import glossary, number_of, term, to_toml, vehicle_names
 from helisim.vehicle.trim import place
 from heron import copied, edited
 from tabled import tabled

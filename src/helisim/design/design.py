@@ -60,7 +60,7 @@ class Judged:
 
         def plain(one: Rating | None) -> dict[str, Any] | None:
             return one and {
-                "figures": dict(one.figures),
+                "figures": {n: x if np.isfinite(x) else None for n, x in one.figures.items()},
                 "level": one.level,
                 "distance": one.distance,
                 "remark": one.remark,

@@ -15,7 +15,7 @@ from helisim.base.units import DB_PER_NEPER, RAD_PER_DEG
 from helisim.handling import figures
 from helisim.handling.criterion import WHOLE, Criterion, Rating
 from helisim.handling.limit import Limit
-from helisim.handling.loop import PLACES, Loop, NoResponse, axis_of
+from helisim.handling.loop import PLACES, Curve, Loop, NoResponse, axis_of
 
 __all__ = [
     "ActuatorUse",
@@ -187,17 +187,18 @@ class AttitudeBandwidth(Criterion):
         return getattr(self, name) or TASKS[self.task].get(self.axis)
 
     def rate(self, loop: Loop) -> Rating:
-        """Return bandwidths, phase delay and the frequency of -180 deg."""
+        """Return bandwidths, phase delay and the frequency of -180 deg; NaN without the gain's."""
         found = figures.bandwidth(loop.command(self.axis))
         attitude = (self.command or ("rate" if self.axis == "ped" else "attitude")) == "attitude"
         counted = found.phase if attitude else found.rate
-        values = (counted, found.delay, found.phase, found.gain, found.neutral)
+        gain = found.gain if found.falls else math.nan
+        values = (counted, found.delay, found.phase, gain, found.neutral)
         remarks = {
             "the response ends before all is seen: what is missing was continued": (
                 not found.complete
             ),
             "the gain's bandwidth is below the phase's: look for oscillations": (
-                attitude and found.gain < found.phase
+                attitude and gain < found.phase
             ),
         }
         return self.rated(dict(zip(self.units, values)), remarks=remarks)
@@ -328,18 +329,23 @@ class ActuatorUse(Criterion):
     """Rms of an actuator's position over its travel, of its rate over its limit, in a disturbance.
 
     That of attitude is white noise of `rms`, rad, behind two equal lags at `corner`, rad/s at full
-    scale. `travel` to either side and `rate_limit`, a second, are unitised.
+    scale. What of it lies from there to `high`, rad/s at any scale, counts: about where servos end,
+    as the rate's rms grows with a law's band without end. `travel` to either side and `rate_limit`,
+    a second, are unitised.
     """
 
     rms: float = setting(1.0 * RAD_PER_DEG, above=0.0)
     corner: float = setting(1.0, above=0.0)
+    high: float = setting(100.0, above=0.0)
     travel: float = setting(0.5, above=0.0)
     rate_limit: float = setting(above=0.0)
     position: Limit = Limit(1.0 / 3.0, 1.0)
     rate_share: Limit = Limit(1.0 / 3.0, 1.0)
 
     def rate(self, loop: Loop) -> Rating:
-        """Return rms of position and rate, over their limits, within the response's band."""
-        moved = loop.actuator(self.axis, by="disturbance")
-        position, rate = figures.motion(moved, rms=self.rms, corner=self.corner * self.faster)
+        """Return rms of position and rate, over their limits."""
+        low = self.corner * self.faster
+        band = np.geomspace(low, max(self.high, 2.0 * low), 400)
+        moved = Curve(band, loop.actuator(self.axis, by="disturbance").at(band))
+        position, rate = figures.motion(moved, rms=self.rms, corner=low)
         return self.rated({"position": position / self.travel, "rate": rate / self.rate_limit})

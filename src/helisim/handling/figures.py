@@ -181,6 +181,8 @@ def rejection(disturbance: Curve) -> Rejection:
 class Bandwidth:
     """Bandwidth and phase delay of attitude over stick; `complete` if nothing was continued.
 
+    `falls` is whether the gain's was seen, and not continued.
+
     `phase` is the frequency, rad/s, of -135 deg: the bandwidth of an attitude response; `neutral`
     of -180 deg; `gain`, that below `neutral` where the gain is twice that there; `delay`, s, is
     (-180 deg - phase at 2 neutral) / (2 neutral).
@@ -190,6 +192,7 @@ class Bandwidth:
     gain: float
     neutral: float
     delay: float
+    falls: bool
     complete: bool
 
     @property
@@ -223,7 +226,7 @@ def bandwidth(command: Curve) -> Bandwidth:
     ends = np.interp(np.log([low, high]), np.log(own), unrolled)
     delay = 0.5 * float((ends[0] - ends[1]) / (high - low))
     complete = bool(down.size) and has_lag and has_gain and high >= 2.0 * neutral
-    return Bandwidth(lag, gain, neutral, delay, complete)
+    return Bandwidth(lag, gain, neutral, delay, has_gain, complete)
 
 
 def _last_fall(own: Real, values: Real, below: float, slope: float) -> tuple[float, bool]:

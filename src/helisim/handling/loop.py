@@ -80,10 +80,10 @@ class Curve(Value):
         return np.unwrap(np.angle(self.response))
 
     def at(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Return the response, (n_wanted,), at (n_wanted,) rad/s; InputError beyond the curve."""
+        """Return the response, (n_wanted,), at (n_wanted,) rad/s; NoResponse beyond the curve."""
         wanted, own = np.atleast_1d(np.asarray(frequency, dtype=np.float64)), self.frequency
         if wanted.min() < own[0] or wanted.max() > own[-1]:
-            raise InputError(
+            raise NoResponse(
                 f"the curve is known from {own[0]:g} to {own[-1]:g} rad/s, not at "
                 f"{wanted.min():g} to {wanted.max():g}"
             )

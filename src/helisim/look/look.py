@@ -261,7 +261,7 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     columns = names if any(one.format != OURS for one in used) else ()
     cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
     event = [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
-    low, high = _band(used, inputs, outputs)
+    low, high = _band(used, inputs, outputs, joint=not columns or bool(sticks))
     short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
     options: list[tuple[str, tuple[str, ...]]] = [
         ("structure", (structure,)),
@@ -292,11 +292,12 @@ def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str,
 
 
 def _band(
-    used: Sequence[LogLook], inputs: Sequence[str], outputs: Sequence[str]
+    used: Sequence[LogLook], inputs: Sequence[str], outputs: Sequence[str], *, joint: bool
 ) -> tuple[float, float]:
     """Return the band in which any response is coherent and the records resolve it, rad/s.
 
-    A stick excites in a wider band than what a loop makes of it, and no lower than what it swept.
+    A stick excites in a wider band than what a loop makes of it, and no lower than what it swept;
+    where the estimate is `joint`, by the stick, its responses alone say where the band begins.
     """
     mine = [a for one in used for a in one.answers if a.output in outputs]
     spans = [
@@ -305,7 +306,7 @@ def _band(
     ]
     low = max(
         1.02 * lowest_line([duration for one in used for duration in one.durations]),
-        *(min(one)[0] for one in spans if one),
+        *(min(one)[0] for one in spans[joint and bool(spans[1]) :] if one),
     )
     digits = 1 - math.floor(math.log10(low))
     return math.ceil(low * 10.0**digits) / 10.0**digits, max(

@@ -54,8 +54,9 @@ def write_design_page(
         ("asked", "What was asked", page.folded("specs.toml", page.preformatted(specs))),
         ("provenance", "Provenance", page.folded("the design", source)),
     ]
-    title = "A control law from identified models"
-    return page.write_page(Path(path), title, sections, _summary(result, proof))
+    return page.write_page(
+        Path(path), "A control law from identified models", sections, _summary(result, proof)
+    )
 
 
 def verdict(result: DesignResult, proof: "Proof | None") -> str:

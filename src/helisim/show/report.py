@@ -88,8 +88,9 @@ def write_fit_report(
         ("omitted", "What was left out, and warnings", page.bullets(fit.remarks)),
         ("provenance", "Provenance", page.folded("the fit", page.as_json(fit.provenance))),
     ]
-    title = f"Identified model: {fit.structure.name}"
-    return page.write_page(Path(path), title, sections, paragraph(lead))
+    return page.write_page(
+        Path(path), f"Identified model: {fit.structure.name}", sections, paragraph(lead)
+    )
 
 
 def write_margins_report(path: str | Path, found: MeasuredMargins) -> Path:

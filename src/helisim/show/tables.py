@@ -12,6 +12,7 @@ import numpy as np
 from helisim.base.errors import IdentificationError
 from helisim.base.units import RAD_PER_DEG
 from helisim.handling.criteria import LoadRejection, Rating
+from helisim.handling.criterion import Criterion
 from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import UNITS, Interval
 from helisim.ident import USABLE_COHERENCE, Fit, FrequencyResponse, Mode
@@ -421,11 +422,9 @@ def design(result: DesignResult) -> Table:
             level += f" (was {was.level})"
         for name, limit in criterion.limits.items():
             unit, ratings = criterion.units.get(name, ""), (was, one.nominal, one.worst)
-            by = criterion.by if isinstance(criterion, LoadRejection) else ""
-            figure = f"turned by {axis_of(by).word} load" if by else _called(name)
             rows.append(
                 (
-                    *(criterion.word, figure, _for_people(limit.level1, unit)),
+                    *(criterion.word, _called(name, criterion), _for_people(limit.level1, unit)),
                     *(_for_people(each and each.figures.get(name), unit) for each in ratings),
                     *(_degrees(unit), level, number(100.0 * one.share, _FIGURE)),
                 )
@@ -469,14 +468,17 @@ def _proved(one: ComparedCriterion, name: str, before: Rating | None) -> tuple[s
     ]
     rated = one.flown or one.exact
     return (
-        *(criterion.word, criterion.name.replace("_", " "), _called(name), _degrees(unit)),
+        *(criterion.word, criterion.name.replace("_", " "), _called(name, criterion)),
+        _degrees(unit),
         *(_for_people(value, unit) for value in known[:2]),
         *(_for_people(value, unit, form) for value in known[2:]),
         *(half, "-" if rated is None else f"Level {rated.level}"),
     )
 
 
-def _called(figure: str) -> str:
+def _called(figure: str, criterion: Criterion | None = None) -> str:
+    if figure == "turned" and isinstance(criterion, LoadRejection):
+        return f"turned by {axis_of(criterion.by).word} load"
     return _SHORT.get(figure, figure.replace("_", " "))
 
 

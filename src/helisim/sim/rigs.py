@@ -91,8 +91,9 @@ def drive(
     The test returns what is commanded, (n_time,), at times in s; the duration is in s.
     """
     rig = "turntable" if actuator == "drive" else "bench"
-    what = {"moves": actuator, "duration": duration}
-    return _record(held, "mounted", rig, what, seed, recorder, test)
+    return _record(
+        held, "mounted", rig, {"moves": actuator, "duration": duration}, seed, recorder, test
+    )
 
 
 def hang(
@@ -105,8 +106,9 @@ def hang(
 ) -> FlightRecord:
     """Hang a helicopter by one of `suspension_points` for some s. Raises UnknownNameError."""
     check_known("suspension point", [point], suspension_points(held))
-    what = {"point": point, "duration": duration}
-    return _record(held, point, "suspension", what, seed, recorder)
+    return _record(
+        held, point, "suspension", {"point": point, "duration": duration}, seed, recorder
+    )
 
 
 def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:

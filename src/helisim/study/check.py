@@ -107,8 +107,9 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
             )
         except HelisimError as error:
             problems.append(Problem(str(error)))
-    found = (*problems, *doubts)
-    return VehicleCheck(name=folder.name, problems=found, figures=figures, margins=loops)
+    return VehicleCheck(
+        name=folder.name, problems=(*problems, *doubts), figures=figures, margins=loops
+    )
 
 
 def hover_figures(vehicle: Vehicle) -> dict[str, float]:
