@@ -1,7 +1,7 @@
 """Verdicts beside truths: clean flights are to be "sound", damaged ones are not, or unharmed.
 
 Six truths that the package has no part in are simulated at 1 kHz by SciPy's matrix exponential and
-recorded at 100 Hz with noise; 23 kinds of damage are done to the first, and all lose samples, in
+recorded at 100 Hz with noise; 26 kinds of damage are done to the first, and all lose samples, in
 bursts of 20 to 250 ms or one by one. A wrong number said with confidence is a main parameter more
 than three stated errors (and 1 %) off in a fit that is "sound", unless the record can't show the
 damage: a fit that has the missing part, where it belongs, finds it within three errors of nothing.
@@ -220,6 +220,7 @@ RATES, ANGLES = ("p", "q"), ("phi", "theta")
 DAMAGES = {
     "saturates at half": within(lambda u: np.clip(u, -0.05, 0.05)),
     "softens with size": within(lambda u: 0.1 * np.tanh(u / 0.1) * 0.9),
+    "one side weaker": within(lambda u: np.where(u > 0.0, u, 0.7 * u)),
     "dead zone": within(lambda u: u - np.clip(u, -0.02, 0.02)),
     "hysteresis": walks(lambda at, x: min(max(at, x - 0.02), x + 0.02)),
     "rate limit": walks(lambda at, x: at + min(max(x - at, -0.8 * FINE), 0.8 * FINE)),
@@ -240,6 +241,8 @@ DAMAGES = {
     "rate 20 % off": mapped(lambda v: 1.2 * v, ("p",)),
     "output filter of 40 ms": mapped(lambda v: lag(np.repeat(v, EVERY), 0.04)[::EVERY], RATES),
     "motion clipped": mapped(lambda v: v.clip(-(most := 0.4 * abs(v).max()), most), RATES),
+    "logged at a fifth": mapped(lambda v: v[::5].repeat(5)[: v.size], RATES),
+    "frozen at the end": mapped(lambda v: np.append(v[:-900], v[-900].repeat(900)), RATES),
     "time shift of outputs": mapped(lambda v: np.roll(v, -6), (*RATES, *ANGLES, "psi")),
 }
 _LAG = {"lat,lon": "first_order:name=missing"}

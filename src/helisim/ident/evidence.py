@@ -8,7 +8,7 @@ other, on-axis with off-axis responses, swept with quiet stretches, samples with
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from helisim.base.arrays import Complex, Real
 from helisim.base.note import Note
 from helisim.ident.local_fit import BandFit, Lines, fit_band, flight_lines
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
-from helisim.records.quality import ANGLES, slope_matrix, stretches
+from helisim.records.quality import ANGLES, frozen_runs, slope_matrix, stretches
 from helisim.records.record import IN1, IN2, RATES, Channel, FlightRecord
 
 _HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
@@ -34,8 +34,13 @@ _SLOPE = 0.01  # error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
 _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
 _BENT = 0.03  # share of a response that its signals' size may change
+_UNEVEN = 0.04  # share of a response, by which one side's may differ from the mean of both
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
+_DRIVEN = 0.1  # of an input's power in one half, that the other must have to be compared
 _LOUD = 9.0  # times its variance that a squared response needs to be compared
+_STILL = 0.01  # share of samples in which an output may be frozen
+_MOVES = 0.2  # of an input's whole motion, within a run in which an output is frozen
+_HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of changes at its ticks
 _FILLED = 0.005  # share of samples that may lie on straight lines
 _STRAIGHT = 3  # samples in a row on a straight line in all channels that were filled
 _PAIRS = tuple(
@@ -58,11 +63,12 @@ def evidence(
         return (
             *_slopes(flights, frf),
             *_crossed(frf),
-            *loop,
-            # noise in the inputs is in their cubes, too
-            *(() if loop else _nonlinear(flights, frf, inputs, frf)),
-            *_halves(flights, frf, inputs),
+            *_frozen(flights, frf, inputs),
             *lost,
+            *loop,
+            # noise in the inputs is in their cubes, too, and so are straight lines
+            *(() if loop or lost else _nonlinear(flights, frf, inputs, frf)),
+            *_halves(flights, frf, inputs),
         )
 
 
@@ -204,44 +210,49 @@ def _nonlinear(
     inputs: Sequence[str],
     model: FrequencyResponse | None = None,
 ) -> Iterator[Note]:
-    """Yield outputs in which cubes of signals explain what the inputs themselves don't.
+    """Yield outputs in which cubes or sizes of signals explain what the inputs themselves don't.
 
     The cube's part that goes with the input is in the response; what is left of it has the
     response's error, so that its share follows: a sweep's cube has three times its frequency.
-    Cubes are of the inputs, and of outputs as `model` makes them.
+    Cubes are of the inputs, and of outputs as `model` makes them; an input's size |u| moves what
+    answers the input by more to one side than to the other.
     """
-    made, why = _with_cubes(flights, frf, inputs, model)
+    made, why = _with_powers(flights, frf, inputs, model)
     lines = flight_lines(made, made[0].names, float(frf.frequency[-1]))
-    bands = _bands(lines, inputs, (*frf.outputs, *why), frf)
-    n_out, left = len(frf.outputs), bands.fit.residual
-    power_of = _power(lines, lines.places((*frf.outputs, *why)), bands.frequency)
-    for o, output in enumerate(frf.outputs):
-        found = []
-        for c, said in enumerate(why.values(), start=n_out):
+    found: dict[str, list[tuple[float, str]]] = {output: [] for output in frf.outputs}
+    for even in (False, True):  # apart, as a pole is sought that is common to all that is fitted
+        names = [name for name in why if name.startswith("|") == even]
+        bands = _bands(lines, inputs, (*frf.outputs, *names), frf)
+        n_out, left = len(frf.outputs), bands.fit.residual
+        power_of = _power(lines, lines.places((*frf.outputs, *names)), bands.frequency)
+        for (o, output), (c, name) in product(
+            enumerate(frf.outputs), enumerate(names, start=n_out)
+        ):
             power = np.real(left[:, o, o] * left[:, c, c])
             coherence = np.abs(left[:, o, c]) ** 2 / np.maximum(power, 1e-300)
             slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
-            part = slope[:, None] * bands.fit.gain[:, c]
+            part = slope[:, None] * (np.isin(inputs, why[name]) if even else bands.fit.gain[:, c])
             apart = np.real(left[:, c, c]) > _OWN_PART * power_of[:, c]
             whole, ok = bands.fit.gain[:, o], bands.enough & apart
             own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
             weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
             count = np.count_nonzero(ok)
             chance = float(np.sum((bands.fit.freedom * coherence)[ok])) - count
-            share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
-                np.sum(weight > 0), 1
-            )
-            if count and chance > _SURE * math.sqrt(count) and abs(share) > _BENT:
-                found.append((chance, share, said))
-        if found:
-            _, share, said = max(found)
-            yield Note(
-                "nonlinear",
-                f"{output}: the cube of {said} explains what no linear response does; {output} "
-                f"would be {abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
-                f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
-                "friction",
-            )
+            share = float(np.real(np.sum(weight * whole.conj() * part)))
+            share /= max(np.count_nonzero(weight * np.abs(part)), 1)
+            if count and chance > _SURE * math.sqrt(count) and abs(share) > (_BENT, _UNEVEN)[even]:
+                small = f"{abs(share) / (1.0 + abs(share)) * 100.0:.2g} %"
+                text = (
+                    f"the size of {why[name]} moves it, too: {why[name]} does "
+                    f"{200.0 * abs(share):.2g} % more to one side than to the other, and the model "
+                    "has the mean of both"
+                    if even
+                    else f"the cube of {why[name]} explains what no linear response does; {output} "
+                    f"would be {small} {'smaller' if share > 0.0 else 'larger'} by small inputs: a "
+                    "stop, a limit or friction"
+                )
+                found[output].append((chance, f"{output}: {text}"))
+    yield from (Note("nonlinear", max(said)[1]) for said in found.values() if said)
 
 
 def _power(lines: Lines, places: list[int], frequency: Real) -> Real:
@@ -251,25 +262,25 @@ def _power(lines: Lines, places: list[int], frequency: Real) -> Real:
     return np.sum(summed, axis=1) / np.maximum(count.sum(axis=1), 1)[:, None]
 
 
-def _with_cubes(
+def _with_powers(
     flights: Sequence[FlightRecord],
     frf: FrequencyResponse,
     inputs: Sequence[str],
     model: FrequencyResponse | None,
 ) -> tuple[list[FlightRecord], dict[str, str]]:
-    """Return records with cubes of inputs, of their speeds and of the predicted outputs."""
+    """Return records with sizes and cubes of inputs, cubes of speeds and predicted outputs."""
     made, why = [], {}
     for one in flights:
         step, columns = one.sample_time, {}
         for name in inputs:
             u = one[name] - one[name].mean()
+            columns[f"|{name}|"], why[f"|{name}|"] = np.abs(u), name
             columns[f"{name}^3"], why[f"{name}^3"] = u**3, name
             columns[f"{name}'^3"], why[f"{name}'^3"] = np.gradient(u, step) ** 3, f"{name}'s speed"
         for name, y in zip(frf.outputs, _predicted(one, model).T if model else ()):
             columns[f"{name}^3"], why[f"{name}^3"] = y**3, name
         signals = (*inputs, *frf.outputs)
         values = np.column_stack([one.select(signals), *columns.values()])
-
         channels = [one.channels[one.names.index(name)] for name in signals]
         channels += [Channel(name, "1", "OTHER", name) for name in columns]
         made.append(FlightRecord(one.time, values, tuple(channels)))
@@ -303,7 +314,7 @@ def _filtered(
 def _halves(
     flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
 ) -> Iterator[Note]:
-    """Yield responses that differ between one half of the records and the other."""
+    """Yield responses that differ between halves of the records, and of each one's time."""
     power = np.array([np.var(one.select(inputs), axis=0) for one in flights])
     mainly = np.argmax(power / np.maximum(power.max(axis=0), 1e-300), axis=1)
     sides: tuple[list[FlightRecord], list[FlightRecord]] = ([], [])
@@ -312,14 +323,26 @@ def _halves(
         middle = (len(of) + 1) // 2
         sides[0].extend(of[:middle])
         sides[1].extend(of[middle:] or of)
-    if len(flights) == len({*mainly.tolist()}):
-        return
-    highest = float(frf.frequency[-1])
-    names = (*inputs, *frf.outputs)
-    one, other = (
-        _bands(flight_lines(side, names, highest), inputs, frf.outputs, frf) for side in sides
-    )
-    ok = (one.enough & other.enough)[:, None, None]
+    if len(flights) > len({*mainly.tolist()}):
+        yield from _differing(*sides, frf, inputs, "one half of the records and the other")
+    cut = [[(one.time[0], at), (at, one.time[-1])] for one in flights for at in [np.mean(one.time)]]
+    first, last = ([one.slice(*ends[k]) for one, ends in zip(flights, cut)] for k in range(2))
+    yield from _differing(first, last, frf, inputs, "the first half of each record and the second")
+
+
+def _differing(
+    first: Sequence[FlightRecord],
+    second: Sequence[FlightRecord],
+    frf: FrequencyResponse,
+    inputs: Sequence[str],
+    sides: str,
+) -> Iterator[Note]:
+    names, highest = (*inputs, *frf.outputs), float(frf.frequency[-1])
+    lines = [flight_lines(side, names, highest) for side in (first, second)]
+    one, other = (_bands(side, inputs, frf.outputs, frf) for side in lines)
+    power = np.array([_power(side, side.places(inputs), one.frequency) for side in lines])
+    driven = power.min(axis=0) > _DRIVEN * power.max(axis=0)  # in both
+    ok = (one.enough & other.enough)[:, None, None] & driven[:, None]
     variance = one.variance + other.variance
     mean = 0.5 * (one.fit.gain + other.fit.gain)
     ok = ok & (np.abs(mean) ** 2 > _LOUD * variance)
@@ -334,9 +357,8 @@ def _halves(
             if chance > _SURE * math.sqrt(2.0 * count) and relative > _DIFFERENT:
                 yield Note(
                     "records",
-                    f"{output}/{input_} differs by {100.0 * relative:.2g} % rms between one half "
-                    "of the records and the other, beyond noise: other conditions, sizes or "
-                    "vehicles; identify them apart",
+                    f"{output}/{input_} differs by {100.0 * relative:.2g} % rms between {sides}, "
+                    "beyond noise: other conditions, sizes or vehicles; identify them apart",
                 )
 
 
@@ -357,6 +379,39 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
             f"{100.0 * lost / total:.2g} % of the samples lie on straight lines in all channels: "
             "they were lost and filled, and nothing between them is known",
         )
+
+
+def _frozen(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+) -> Iterator[Note]:
+    """Yield outputs that stand still while inputs move, or change at each so many samples only."""
+    total, step = sum(map(len, flights)), flights[0].sample_time
+    for output in frf.outputs:
+        still = sum(
+            run.last - run.first
+            for one in flights
+            for run in frozen_runs(one[output])
+            for moves in [np.ptp(one.select(inputs)[run.first : run.last], axis=0)]
+            if np.any(moves > _MOVES * np.ptp(one.select(inputs), axis=0))
+        )
+        if still > _STILL * total:
+            yield Note(
+                "frozen",
+                f"{output} stands still for {100.0 * still / total:.2g} % of the samples while "
+                "inputs move, frozen or at its sensor's end: leave that out",
+            )
+        changes = np.flatnonzero(np.diff(flights[0][output]))
+        every = max(
+            k
+            for k in range(1, _HELD)
+            if np.max(np.bincount(changes % k), initial=0) >= _REGULAR * changes.size
+        )
+        if every > 1:
+            yield Note(
+                "delay",
+                f"{output} changes at each {every}th sample only: it was logged slower, and is "
+                f"{500.0 * (every - 1) * step:.2g} ms late on average, which its delays have",
+            )
 
 
 _PERIODS = 3.0  # of a cell: its Hann window passes a third of the frequency either way

@@ -20,8 +20,8 @@ _LONGEST, _CYCLES, _LEAD = 0.5, 2.0, 0.3
 
 ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
 """Zeros and poles to try, smallest first."""
-_BETTER, _ENOUGH = 0.5, 0.03
-_INSIDE = (0.3, 2.0)  # of the band's edges, between which all poles must be
+_BETTER, _ENOUGH = 0.5, 0.05  # rms errors of a response: a verdict doubts larger ones
+_INSIDE = 2.0  # of the band's top, below which all poles must be; slow ones act as integrals there
 FAST = 0.4  # of the band's top, above which an unstable pole stands for a missing lag
 _POINTS = 3  # least frequencies a coefficient
 
@@ -202,8 +202,7 @@ def order(omega: Real, response: NDArray[np.complex128]) -> tuple[int, int]:
         error, roots = _tried(omega, response, zeros, poles)
         size = np.abs(roots)
         fast = bool(np.any((roots.real > 0.0) & (size > FAST * omega[-1])))
-        inside = bool(np.all((size > _INSIDE[0] * omega[0]) & (size < _INSIDE[1] * omega[-1])))
-        if error < _BETTER * best and not fast and inside:
+        if error < _BETTER * best and not fast and np.all(size < _INSIDE * omega[-1]):
             chosen, best = (zeros, poles), error
     return chosen
 

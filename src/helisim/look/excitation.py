@@ -18,6 +18,7 @@ from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
     CHANNELS,
+    IN1,
     RATES,
     STICKS,
     VELOCITIES,
@@ -48,7 +49,7 @@ _NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a
 _LEAST_EVENTS = 1.5  # windows that a motion is spread among, at least
 _LEAST_SHARE = 0.1  # of a control's power: what is coherent with less doesn't answer what moved it
 _BESIDE = 1.3  # by which a band may go beyond what was excited
-_FEEDBACK = 0.5  # partial coherence of control and motion in a closed loop
+_FEEDBACK = 0.5  # partial coherence of control and motion: in a closed loop, or beside the inputs
 _OWN = 0.05  # share of a control's power not explained by its stick
 _OF_OTHERS = {**dict.fromkeys(ATTITUDES, (0, 2)), **dict.fromkeys(ACCELERATIONS, (1, 1))}
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
@@ -247,6 +248,23 @@ def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
     parts = window_transforms(columns, length)[:, 1:]
     omega = 2.0 * np.pi * np.fft.rfftfreq(length, step)[1:]
     return np.asarray(omega, np.float64), np.einsum("kfa,kfb->fab", parts, parts.conj())
+
+
+def beside(record: FlightRecord, inputs: Sequence[str], outputs: Sequence[str]) -> set[str]:
+    """Return the other servo commands that explain outputs' power which the inputs leave."""
+    n, step = len(inputs), record.duration / (len(record) - 1)
+    found = set()
+    for name in (one for one in IN1 if one in record and one not in inputs):
+        _, cross = _cross_spectra(record.select((*inputs, name, *outputs)), step)
+        known = np.linalg.pinv(cross[:, :n, :n], hermitian=True)
+        left = cross[:, n:, n:] - cross[:, n:, :n] @ known @ cross[:, :n, n:]
+        power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
+        share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(
+            power.sum(axis=0), 1e-300
+        )
+        if not _rests(record[name]) and np.max(share, initial=0.0) > _FEEDBACK:
+            found.add(name)
+    return found
 
 
 def loops(

@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from helisim.base.errors import InputError
+import numpy as np
+
+from helisim.base.errors import HelisimError, InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
+from helisim.ident.rational import order
 from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
@@ -21,14 +24,16 @@ from helisim.look.excitation import (
     FoundExcitation,
     Kind,
     answers,
+    beside,
     excitation,
     loops,
     whole,
 )
 from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
+from helisim.look.systemid import InferredFit, estimate_fits
 from helisim.records.quality import ANGLES
-from helisim.records.record import IN1, IN2, RATES, STICKS
+from helisim.records.record import IN1, IN2, RATES, STICKS, FlightRecord
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
@@ -254,7 +259,16 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         for one, rate in ((seen.get(ANGLES.get(name, "")), seen[name]) for name in outputs)
         if one and not one.sized and one.clock == rate.clock
     ]
-    names = (*inputs, *outputs, *sticks, *known)  # angles tell a wrong clock or unit of rates
+    # the part of other controls is not the inputs'; records have them all, and their references
+    direct = {*inputs} <= {*IN1} and not sticks and any(one.format != OURS for one in used)
+    others = [beside(part, inputs, outputs) for one in used for part in one.records if direct]
+    held = sorted(
+        name
+        for name in set[str]().union(*others)
+        if all(name in part for one in used for part in one.records)
+    )
+    # angles tell a wrong clock or unit of rates
+    names = (*inputs, *held, *outputs, *sticks, *known)
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
     if not used:
         return None
@@ -262,17 +276,31 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
     event = [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
     low, high = _band(used, inputs, outputs, joint=not columns or bool(sticks))
+    if transfer and outputs[0] in RATES:
+        wanted = InferredFit(structure, inputs, outputs, tuple(held), sticks, (low, high), "")
+        structure = _followed([part for one in used for part in one.records], wanted)
     short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
     options: list[tuple[str, tuple[str, ...]]] = [
         ("structure", (structure,)),
         *([("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] if transfer else ()),
         *(("channel", (seen[name].column.option(name).value,)) for name in columns),
         *([("reference", (",".join(sticks),))] if sticks else ()),
+        *([("conditioning", (",".join(held),))] if held else ()),
         *dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options),
         *dict.fromkeys(("min_duration", (f"{SHORT * longest:.2g}",)) for longest in short),
         *(event if len(used) == 1 and event else [("band", (f"{low:.2g}", f"{high:.2g}"))]),
     ]
     return Proposal("identify", tuple(one.path for one in used), tuple(options))
+
+
+def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> str:
+    """Return the smallest transfer function that follows the estimate which the command makes."""
+    try:
+        (found,) = estimate_fits(records, [wanted])
+    except HelisimError:
+        return wanted.structure
+    at = np.flatnonzero(found.usable()[0, 0])
+    return "tf:{}/{}".format(*order(found.frequency[at], found.response[0, 0, at]))
 
 
 def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:

@@ -92,7 +92,7 @@ def _axis(criterion: Criterion, figure: str, shown: Sequence[Shown]) -> _Axis:
     limit = criterion.limits[figure]
     low, high = sorted((limit.level1, limit.level2))
     reach = 2.0 * (high - low)
-    start = max(low - reach, 0.0) if limit.more_is_better and low >= 0.0 else low - reach
+    start = max(low - reach, 0.0) if low >= 0.0 else low - reach
     known = [x for x in (one.figures[figure] for one in shown) if np.isfinite(x)]
     low, high = min([start, *known]), max([high + reach, *known])
     return _Axis(figure, criterion.units[figure], limit.spans(), low, high)
