@@ -15,8 +15,7 @@ from helisim.base.arrays import Real
 
 _DIFFERENCE = 1e-4  # step of a coordinate for derivatives
 _PENALTY = 100.0  # weight of the worst shortfall beside the cost
-_EACH = 0.1  # weight of each shortfall beside the worst
-_SHORTEST = 1e-2  # weight of a step's length
+_EACH, _SHORTEST = 0.1, 1e-2  # weight of each shortfall beside the worst; weight of a step's length
 _FIRST, _LARGEST, _LEAST = 0.25, 0.8, 2e-3
 """Radius of trust: at first, at most, and where the descent ends."""
 _ACCEPTED, _GOOD = 0.05, 0.6

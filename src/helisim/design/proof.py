@@ -52,16 +52,14 @@ LINEAR = {  # largest deviation from trim in a sweep: commands, unitised; rad/s,
     **dict.fromkeys(("u", "v", "w"), 2.5),
 }
 TRIM_TIME = 5.0  # s of trimmed flight before a sweep, and again after
-_EDGE = 0.15
-_SERVO = 0.6  # share of a servo's rate limit
+_EDGE, _SERVO = 0.15, 0.6  # s beside a sweep's ends; share of a servo's rate limit
 _MOST = 0.5  # largest command or stick that is added, unitised
 _SWEPT = np.geomspace(0.1, 700.0, 600)
 _SAMPLES = 400.0  # 1/s, at which peaks are looked for
 _STEADY = Pilot(remnant=0.0)
 _STEP_BEFORE, _STEP_LASTS = 0.5, 3.5
 _STEPPED = 0.25  # rad, the most that a step turns the vehicle while it is flown
-_LARGEST_STEP = 0.3  # stick, unitised
-_ROUGH = 60.0  # s, of the flight that shows saturation
+_LARGEST_STEP, _ROUGH = 0.3, 60.0  # stick, unitised; s, of the flight that shows saturation
 LIGHT = Weather(turbulence="light")
 GUST = Gust(north=-6.0, east=6.0, start=2.0, rise=0.5, hold=1.0)
 """From ahead and the left, faster than the induced velocity of the hover."""

@@ -51,8 +51,7 @@ TASK = "ads33e_other_divided"
 _LOADS = 1.5  # rejection bandwidth of the law before over the fastest load's frequency
 _STIFFER = {True: 3.0, False: 0.0}
 """dB by which loads on its own command turn an axis less, and those on another's."""
-_SLOWEST = 0.3
-_SPAN = 3.0  # dB from Level 1 to the end of Level 2
+_SLOWEST, _SPAN = 0.3, 3.0  # dB from Level 1 to the end of Level 2
 _GROWTH = Limit(1e-3, 0.05)
 _FAST = 30.0  # rad/s, limit of crossovers, or 3 dB more than that of the law before
 

@@ -66,8 +66,7 @@ _BY_ITSELF: dict[Place, float] = {
 }  # What attitudes and tilts do, whatever the file says
 _SAME = 2e-3  # relative difference of gravity between places, and rounding
 _APART = 0.02  # relative difference of flights' rotor speeds, or what else, above which it is said
-_ROTOR_LAG = 0.1  # s, where nothing flaps: the simulator divides by it
-_MS = 1e-3
+_ROTOR_LAG, _MS = 0.1, 1e-3  # s, where nothing flaps: the simulator divides by it; a millisecond
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,7 @@ _FREEDOM = 4.0  # spare lines that a band needs
 _SURE = 6.0  # standard deviations of a statistic by chance: none of a million
 _ANSWERED = 5.0  # standard deviations of a sum of exponentials: one time in 5000, of 7 bands
 _MOST = 12.0  # times its variance that a squared answer counts at most: chance in 160 000
-_ERRORS = 3.0
-_SLOPE = 0.01  # error of a rate's slope that a good gyro has
+_ERRORS, _SLOPE = 3.0, 0.01  # stated errors; error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
 _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
 _BENT = 0.03  # share of a response that its signals' size may change
@@ -228,8 +227,8 @@ def _nonlinear(
         for (o, output), (c, name) in product(
             enumerate(frf.outputs), enumerate(names, start=n_out)
         ):
-            power = np.real(left[:, o, o] * left[:, c, c])
-            coherence = np.abs(left[:, o, c]) ** 2 / np.maximum(power, 1e-300)
+            power = np.maximum(np.real(left[:, o, o] * left[:, c, c]), 1e-300)
+            coherence = np.abs(left[:, o, c]) ** 2 / power
             slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
             part = slope[:, None] * (np.isin(inputs, why[name]) if even else bands.fit.gain[:, c])
             apart = np.real(left[:, c, c]) > _OWN_PART * power_of[:, c]
@@ -238,18 +237,19 @@ def _nonlinear(
             weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
             count = np.count_nonzero(ok)
             chance = float(np.sum((bands.fit.freedom * coherence)[ok])) - count
-            share = float(np.real(np.sum(weight * whole.conj() * part)))
-            share /= max(np.count_nonzero(weight * np.abs(part)), 1)
+            share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
+                np.count_nonzero(weight * np.abs(part)), 1
+            )
             if count and chance > _SURE * math.sqrt(count) and abs(share) > (_BENT, _UNEVEN)[even]:
-                small = f"{abs(share) / (1.0 + abs(share)) * 100.0:.2g} %"
                 text = (
                     f"the size of {why[name]} moves it, too: {why[name]} does "
                     f"{200.0 * abs(share):.2g} % more to one side than to the other, and the model "
                     "has the mean of both"
                     if even
                     else f"the cube of {why[name]} explains what no linear response does; {output} "
-                    f"would be {small} {'smaller' if share > 0.0 else 'larger'} by small inputs: a "
-                    "stop, a limit or friction"
+                    f"would be {abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
+                    f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
+                    "friction"
                 )
                 found[output].append((chance, f"{output}: {text}"))
     yield from (Note("nonlinear", max(said)[1]) for said in found.values() if said)
@@ -342,10 +342,9 @@ def _differing(
     one, other = (_bands(side, inputs, frf.outputs, frf) for side in lines)
     power = np.array([_power(side, side.places(inputs), one.frequency) for side in lines])
     driven = power.min(axis=0) > _DRIVEN * power.max(axis=0)  # in both
-    ok = (one.enough & other.enough)[:, None, None] & driven[:, None]
-    variance = one.variance + other.variance
-    mean = 0.5 * (one.fit.gain + other.fit.gain)
-    ok = ok & (np.abs(mean) ** 2 > _LOUD * variance)
+    variance, mean = one.variance + other.variance, 0.5 * (one.fit.gain + other.fit.gain)
+    loud = np.abs(mean) ** 2 > _LOUD * variance
+    ok = (one.enough & other.enough)[:, None, None] & driven[:, None] & loud
     gap = np.abs(one.fit.gain - other.fit.gain) ** 2
     for o, output in enumerate(frf.outputs):
         for i, input_ in enumerate(frf.inputs):
@@ -401,10 +400,11 @@ def _frozen(
                 "inputs move, frozen or at its sensor's end: leave that out",
             )
         changes = np.flatnonzero(np.diff(flights[0][output]))
-        every = max(
+        every = max(  # of few changes nothing is said
             k
             for k in range(1, _HELD)
-            if np.max(np.bincount(changes % k), initial=0) >= _REGULAR * changes.size
+            if k == 1
+            or np.max(np.bincount(changes % k), initial=0) > _REGULAR * max(changes.size, _HELD)
         )
         if every > 1:
             yield Note(
@@ -420,8 +420,7 @@ _OVERLAP = 4  # cells that begin within a cell
 _CORRELATION = (1.0, 0.659, 0.167, 0.0075)
 _INDEPENDENT = 0.52  # of such cells: 1 over the sum of the correlations' squares
 _CELLS_APART = 1.4  # from one frequency to the next: cells of neighbours have little in common
-_CELLS = 8  # for each unknown
-_FAINT = 1e-3  # of a drive's mean power, below which it is at rest
+_CELLS, _FAINT = 8, 1e-3  # for each unknown; of a drive's mean power, below which it is at rest
 
 
 # Feedback: what a response leaves of an output, E = Y - H D, is gusts and noise. Where they go

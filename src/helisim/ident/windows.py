@@ -31,8 +31,8 @@ PERIODS = 6.0
 """Least periods in a window of the composite, except the longest: fewer smear the response."""
 _BLOCK = 64  # samples in a block of the kernel's phase table
 _QUADRATURE = 512  # instants in a record where products of windows are summed
-_COHERENCE_WEIGHT = 5.0
-_PART_GUARD = 0.1  # least denominator of a real or imaginary part, of |Gxy|
+# in the composite's cost (Tischler and Remple); least denominator of a real or imaginary part
+_COHERENCE_WEIGHT, _PART_GUARD = 5.0, 0.1
 _STEPS = 8  # Gauss-Newton steps; the problem is quadratic but for one term
 _NEIGHBOURS = 0.15  # over which share of the frequency the windows' systematic error is averaged
 _FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
@@ -133,8 +133,7 @@ def _fade(samples: int, period: float) -> Real:
     """Return a half-cosine taper of both ends, (n_time,)."""
     distance = np.arange(samples) + 0.5
     distance = np.minimum(distance, distance[::-1])
-    share = np.clip(distance / min(period, 0.05 * samples), 0.0, 1.0)
-    return 0.5 - 0.5 * np.cos(np.pi * share)
+    return 0.5 - 0.5 * np.cos(np.pi * np.clip(distance / min(period, 0.05 * samples), 0.0, 1.0))
 
 
 def _shared_power(starts: NDArray[np.intp], length: int, fade: Real) -> Real:

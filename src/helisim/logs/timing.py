@@ -20,8 +20,7 @@ from helisim.records.record import UNIFORM, Channel
 GAP = 4.5  # Median steps above which a step is a gap
 # s: shortest and longest steps of any flight's log; others show a wrong unit of time.
 _STEPS = (2.5e-5, 2.0)
-_FEW = 10  # samples too few to tell a unit
-_LONGEST = 3e9  # s, about a century
+_FEW, _LONGEST = 10, 3e9  # samples too few to tell a unit; s, about a century
 _JITTER = 0.2  # Largest jitter that is resampled unasked, rms, of the mean step
 _WORST = 0.5  # of the mean step: an error of a step from which a sample may be lost
 _ROUNDING = 1e-3  # of the mean step, rms: less comes from stamps with few digits

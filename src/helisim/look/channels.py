@@ -23,8 +23,8 @@ AS_RECORDED, GIVEN, FIRMWARE = (
     "given",
     "the firmware's name for it",
 )  # why a channel is what it is
-_PERCENT = 105.0
-_FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
+# most of a control in percent; rad/s, the 99th percentile: rates beyond are in deg/s rather
+_PERCENT, _FAST = 105.0, 8.0
 _GRAVITIES = {one: STANDARD_GRAVITY / UNITS[one].factor for one in ("m/s^2", "g", "mg", "ft/s^2")}
 _NO_MOVE = 1e-9
 _UNSAID = "SI, for lack of another word"

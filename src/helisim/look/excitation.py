@@ -36,8 +36,7 @@ _REST = 6.0  # s, for which an excitation may rest in between, as a slow sweep d
 _REST_SHARE = 0.1  # of the log, that a control must rest for its resting place to be known
 _HYSTERESIS = 0.3  # of the amplitude, beyond which a half-wave begins
 _RISING = 0.75  # rank correlation of frequency and time from which a signal is a sweep
-_SPAN = 2.5  # of highest to lowest frequency, from which a signal is a sweep
-_FEWEST_WAVES = 8
+_SPAN, _FEWEST_WAVES = 2.5, 8  # of highest to lowest frequency, from which a signal is a sweep
 _FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
 _SHAPES: dict[int, Kind] = {1: "pulse", 2: "doublet", 4: "3-2-1-1"}  # by half-waves
 _DOUBLET_BAND = (1.0, 3.3)  # of the half-wave's inverse, rad: where a doublet has most of its power
@@ -228,9 +227,8 @@ def _answer(
         or (excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS)
     ):
         return []
-    known, mean = _OF_OTHERS.get(output), float(np.mean(coherence[inside]))
-    gain = cross[inside, 1, 0] / cross[inside, 0, 0]
-    zeros, poles = known or order(omega[inside], gain)
+    mean, gain = float(np.mean(coherence[inside])), cross[inside, 1, 0] / cross[inside, 0, 0]
+    zeros, poles = _OF_OTHERS.get(output) or order(omega[inside], gain)
     return [
         FoundAnswer(
             *(excited.channel, output, float(low), float(high), mean, f"tf:{zeros}/{poles}"),
@@ -250,21 +248,32 @@ def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
     return np.asarray(omega, np.float64), np.einsum("kfa,kfb->fab", parts, parts.conj())
 
 
-def beside(record: FlightRecord, inputs: Sequence[str], outputs: Sequence[str]) -> set[str]:
+def beside(
+    records: Sequence[FlightRecord], inputs: Sequence[str], outputs: Sequence[str]
+) -> list[str]:
     """Return the other servo commands that explain outputs' power which the inputs leave."""
-    n, step = len(inputs), record.duration / (len(record) - 1)
-    found = set()
-    for name in (one for one in IN1 if one in record and one not in inputs):
-        _, cross = _cross_spectra(record.select((*inputs, name, *outputs)), step)
-        known = np.linalg.pinv(cross[:, :n, :n], hermitian=True)
-        left = cross[:, n:, n:] - cross[:, n:, :n] @ known @ cross[:, :n, n:]
-        power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
-        share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(
-            power.sum(axis=0), 1e-300
-        )
-        if not _rests(record[name]) and np.max(share, initial=0.0) > _FEEDBACK:
-            found.add(name)
-    return found
+    return [
+        name
+        for name in IN1
+        if name not in inputs
+        and all(name in one for one in records)
+        and any(_explains(one, (*inputs, name, *outputs), len(inputs)) for one in records)
+    ]
+
+
+def _explains(record: FlightRecord, names: Sequence[str], n: int) -> bool:
+    """Return whether the signal after the first n explains those behind it, beyond these n."""
+    _, cross = _cross_spectra(record.select(names), record.duration / (len(record) - 1))
+    left = _left(cross, n)
+    power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
+    share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+    return not _rests(record[names[n]]) and bool(np.max(share, initial=0.0) > _FEEDBACK)
+
+
+def _left(cross: Complex, n: int) -> Complex:
+    """Return cross-spectra, (n_freq, m, m), without what the first n signals explain of others."""
+    known = np.linalg.pinv(cross[:, :n, :n], hermitian=True)
+    return cross[:, n:, n:] - cross[:, n:, :n] @ known @ cross[:, :n, n:]
 
 
 def loops(
@@ -281,9 +290,7 @@ def loops(
         omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1))
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
         cross = cross[(omega >= one.low) & (omega <= min(one.high, resolved))]
-        scale = np.where(cross[:, 0, 0].real > 0.0, cross[:, 0, 0], np.inf)[:, None, None]
-        left = cross - cross[:, :, :1] * cross[:, :1, :] / scale  # without what the stick explains
-        explained, partial = between(cross)[0, 1], between(left)[1, 2]
+        explained, partial = between(cross)[0, 1], between(_left(cross, 1))[0, 1]
         if partial.size and 1.0 - np.median(explained) >= _OWN and np.median(partial) > _FEEDBACK:
             text = (
                 f"{actuator} follows {one.output} besides {stick} (partial coherence "

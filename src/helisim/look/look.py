@@ -261,12 +261,7 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     ]
     # the part of other controls is not the inputs'; records have them all, and their references
     direct = {*inputs} <= {*IN1} and not sticks and any(one.format != OURS for one in used)
-    others = [beside(part, inputs, outputs) for one in used for part in one.records if direct]
-    held = sorted(
-        name
-        for name in set[str]().union(*others)
-        if all(name in part for one in used for part in one.records)
-    )
+    held = beside([part for one in used for part in one.records], inputs, outputs) * direct
     # angles tell a wrong clock or unit of rates
     names = (*inputs, *held, *outputs, *sticks, *known)
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]

@@ -23,8 +23,7 @@ from helisim.records.record import FlightRecord
 SHORT = 0.3  # of the longest part of a log: shorter parts are left out
 _ATTEMPTS = 4  # readings, each with the options that the last one asked for
 _FASTEST = 200.0  # Hz, at which channels are looked at, at most
-_SHOWN = 8  # unused columns that are printed
-_BEST = 4  # responses to a control that are printed
+_SHOWN, _BEST = 8, 4  # unused columns that are printed; responses to a control that are printed
 _QUIET = ("spikes", "frozen", "lost samples", "event")  # findings that are only noted
 
 

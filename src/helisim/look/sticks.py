@@ -31,8 +31,7 @@ _BAND = (1.5, 40.0)  # rad/s
 _FLOWN = 0.01  # standard deviation of a response in flight from that at trim, as a share
 _A_PERIOD = 5.0  # samples at the highest frequency, at least
 _AROUND = 3.0  # s before and after what moves a target, and after lift-off, before landing
-_MOVES = 0.1  # of the fastest move of the same target, from which it moves
-_SHORTEST = 10.0  # s
+_MOVES, _SHORTEST = 0.1, 10.0  # of the fastest move of the same target, from which it moves; s
 _SET = "set LOG_BITMASK's bits 0 and 1"
 
 

@@ -130,8 +130,7 @@ _HELICOPTER = 6  # FRAME_CLASS of a helicopter with one main rotor
 _DROPPED = 0.01  # share of messages that may be missing without a word
 _FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is called excellent
 _OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
-_STEP = 1.3  # from one lower edge of a band to the next
-_OCTAVES = 3.0  # that a band must still span
+_STEP, _OCTAVES = 1.3, 3.0  # from one lower edge of a band to the next; that a band must still span
 
 
 @dataclass(frozen=True)

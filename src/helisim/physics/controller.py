@@ -29,8 +29,7 @@ from helisim.physics.memory import (
 )
 from helisim.physics.motion import euler_angles, flip, rotation
 
-_STARTS = 0.5
-_FAILED = -1.0
+_STARTS, _FAILED = 0.5, -1.0
 _NUMBERS = SEEN + 1
 _INJECTED = len(INJECTION)
 

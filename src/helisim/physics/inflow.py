@@ -14,8 +14,7 @@ from collections import namedtuple
 
 from helisim.physics.kernel import kernel
 
-_LAST_STEP = 1e-8  # Newton's error is near rounding after it
-_MAX_ITERATIONS = 60
+_LAST_STEP, _MAX_ITERATIONS = 1e-8, 60  # after that step Newton's error is near rounding
 _STALL_CORE = 0.7  # part of the stall limit that it leaves free
 
 

@@ -385,8 +385,7 @@ _SENSING_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _KINDS = ("GYRO", "ACCELEROMETER", "VELOCIMETER", "FRAMEQUAT", "FRAMEPOS", "GYRO")
 _KINDS += ("USER",) * (len(SENSORS) - 7) + ("CLOCK",)
 _TYPES = [int(getattr(mujoco.mjtSensor, f"mjSENS_{kind}")) for kind in _KINDS]
-_GROUPS = 31
-_WHOLE = 1e-6
+_GROUPS, _WHOLE = 31, 1e-6
 _GOLDEN = 0x9E3779B1  # odd, 2^32 over the golden mean (Knuth's multiplicative hash)
 _BUILD = "write the numbers with `helisim vehicle build FOLDER`, of the vehicle's folder"
 

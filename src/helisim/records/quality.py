@@ -21,8 +21,7 @@ _NO_MOVE = 1e-6  # share of its range by which a channel that rests at its start
 _SHORTEST = 10  # samples in a row that must be equal to count as frozen
 _USUAL = 0.95  # quantile of the runs of equal samples that counts as their usual most
 _STOP = 0.5  # of a unitised input, either way
-_ROUNDING = 1e-6  # by which an input at its stop may be short of it, or beyond
-_OVERSHOOT = 0.06
+_ROUNDING, _OVERSHOOT = 1e-6, 0.06  # by which an input at its stop may be short of it, or beyond
 """Overshoot of a recorder's filter: 11 % of the jump in a Butterworth filter of fourth order."""
 
 

@@ -21,8 +21,7 @@ LEVELS = {
     "severe": 45.0 * METRE_S_PER_KNOT,
 }  # wind at 20 ft above the ground, m/s (MIL-F-8785C, section 3.7.3)
 _LOWEST, _HIGHEST = 10.0 * METRE_PER_FOOT, 1000.0 * METRE_PER_FOOT  # m, of the low-altitude model
-_STATES = 8
-_STILL = 1e-6  # m/s: less wind is calm air
+_STATES, _STILL = 8, 1e-6  # m/s: less wind is calm air
 _STORM = 150.0  # m/s: the strongest winds of tornadoes; the filters' numbers stay in proportion
 
 

@@ -38,8 +38,7 @@ SPOOL_UP = 12.0  # s, to the nominal speed where no motor's numbers tell it
 _SHORTEST = 100  # us, of a time step
 # The true flight: without noise, latency and rounding; with rotor and air.
 _RECORDER = Recorder(noise={}, resolution={}, rotor=True)
-_EACH = 4  # frames from a sample that is kept to the next
-_FEWEST = 30  # samples of a record
+_EACH, _FEWEST = 4, 30  # frames from a sample that is kept to the next; samples of a record
 
 
 def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle:

@@ -38,8 +38,7 @@ _D = np.array([0.0, 0.0075, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
 HELD = np.linspace(1.0, 12.0, 23)  # 1/s, of the attitude, as far as ArduPilot's own range goes
 _CLOSER = (0.3, 0.2, 0.12, 0.07, 0.04)
 """Standard deviations of the logarithm of random gains that are tried near the best, in turn."""
-_NEAR = 300  # Of those, how many
-_CORNER = 0.5  # rad/s, of the integral
+_NEAR, _CORNER = 300, 0.5  # Of those, how many; rad/s, of the integral
 _SLOWEST = 2.0  # rad/s, below which no attitude is held
 # Share of an octave of rejection that an octave of noise costs: on the JR700 half an octave more of
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
@@ -49,8 +48,7 @@ _QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below wh
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
 _LOUD = 2.0
-_FAINT = 0.4  # Noise, likewise, that moves no servo much
-_LEAST = 1e-12
+_FAINT, _LEAST = 0.4, 1e-12  # Noise, likewise, that moves no servo much; none at all
 _FIRST = 3.0  # 1/s, of the attitude, with which loops are closed until their gains are found
 _EACH = 32  # Gains that are tried at once with all models
 _SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehicle can be

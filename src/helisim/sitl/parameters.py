@@ -102,8 +102,8 @@ def _number(value: float) -> str:
 _RANGE = 0.5  # Of the sticks, to each side, in the unit of col and cyclic
 _HALF = 500.0  # us, a servo's travel to each side by default
 _LANDED = -2.0  # deg, blade pitch to which the collective goes down at least
-_ASIDE = 40.0  # us, of the tail's trim from its hover pulse: 0.08 of full yaw
-_SAME = 1e-6
+# us, of the tail's trim from its hover pulse: 0.08 of full yaw; relative, of equal settings
+_ASIDE, _SAME = 40.0, 1e-6
 Group = tuple[Setting, ...]
 
 

@@ -38,8 +38,7 @@ _WITHIN = 0.3  # m, of a place that is reached
 _ALIGNED = 0b10_0001_1111  # Flags of the EKF: attitude, velocity, position, also in flight
 _VEHICLE = (1, 1)
 _GROUND = (255, 190)  # System and component of a ground station, which alone may move the sticks
-_ARMED = 128
-_WARNING = 4  # Severity of a warning; worse ones are lower
+_ARMED, _WARNING = 128, 4  # Bit of a heartbeat; severity of a warning, worse ones are lower
 # Hz: HEARTBEAT, EKF_STATUS_REPORT, LOCAL_POSITION_NED, ATTITUDE, ATTITUDE_TARGET.
 _RATES_HZ = {0: 10.0, 193: 5.0, 32: 20.0, 30: 20.0, 83: 20.0}
 

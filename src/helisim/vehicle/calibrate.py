@@ -219,8 +219,7 @@ def lacking(targets: Mapping[str, float], given: Container[str]) -> list[str]:
 
 HOVER = ("main_rotor.pitch_trim", "tail_rotor.pitch_trim")
 BLADE = ("main_rotor.blade_inertia", "flapping.lock_reduction", "geometry.cyclic_range")
-_TRIALS = 4
-_CENTRED = 1e-9  # tolerance of the controls, unitised
+_TRIALS, _CENTRED = 4, 1e-9  # tolerance of the controls, unitised
 
 
 def is_known(given: Mapping[str, float]) -> bool:

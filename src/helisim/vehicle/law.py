@@ -23,8 +23,7 @@ from helisim.vehicle.linearize import Linearization, jacobian
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, collective_stick, place, steady_force
 
-_TRIES = 20
-_SETTLED = 1e-9  # unitised: greatest error of commands, and of a state's step
+_TRIES, _SETTLED = 20, 1e-9  # unitised: greatest error of commands, and of a state's step
 
 
 def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> LinearSystem:

@@ -13,8 +13,7 @@ from helisim.base.errors import ModelError
 from helisim.vehicle.parameters import Parameters, solved
 from helisim.vehicle.vehicle import Vehicle
 
-_POINTS = 40
-_STEPS = 60
+_POINTS, _STEPS = 40, 60
 _PHASE = "gyro.phase"
 _USUAL = 8.0  # rad/s, of a small helicopter; starts of gains are scaled by it
 _STIFFNESS = 10.0  # weight of sensitivity above its peak against response error

@@ -23,8 +23,7 @@ SERVOS = ("front", "left", "right")  # "front" is the elevator's servo, wherever
 PLATE = slice(PARAM.mix_front_col, PARAM.unmix_lat_over + 1)
 _EXACT = np.array([0.0, 0.5, np.sqrt(0.5), 0.5 * np.sqrt(3.0), 1.0])
 """Sines and cosines of whole multiples of 30 and 45 degrees, which rounding would miss."""
-_ROUNDING = 1e-12
-_FLATTEST = 1e-3  # least area that the three span, of arms of 1
+_ROUNDING, _FLATTEST = 1e-12, 1e-3  # least area that the three span, of arms of 1
 
 
 @dataclass(frozen=True, eq=False)

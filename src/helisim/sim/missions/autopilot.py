@@ -299,8 +299,7 @@ class Autopilot:
 
     def sticks(self, seen: Sight) -> tuple[float, ...]:
         """Return COL, LON, LAT, PED for what is seen now, unitised."""
-        sticks = self.loop.sticks(seen, self.wanted, self.seconds)
-        added = zip(sticks, self.wanted.pushed)
+        added = zip(self.loop.sticks(seen, self.wanted, self.seconds), self.wanted.pushed)
         self.moved = tuple(_limited(stick + push, _END) for stick, push in added)
         return self.moved
 

@@ -73,8 +73,7 @@ class Everyday(Mission):
         yield from pilot.accelerate(0.0, acceleration=1.5 * self._hurry(pilot))
 
     def _pirouette(self, pilot: Autopilot) -> Iterator[None]:
-        left = pilot.rng.choice((-1.0, 1.0))
-        push = left * self.size * pilot.rng.uniform(0.15, 0.4)
+        push = pilot.rng.choice((-1.0, 1.0)) * self.size * pilot.rng.uniform(0.15, 0.4)
         yield from pilot.push("ped", push, pilot.rng.uniform(0.5, 2.0))
 
     def _pump(self, pilot: Autopilot) -> Iterator[None]:
