@@ -35,8 +35,9 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 _BENT = 0.03  # share of a response that its signals' size may change
 _UNEVEN = 0.04  # share of a response, by which one side's may differ from the mean of both
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
-_DRIVEN = 0.1  # of an input's power in one half, that the other must have to be compared
-_LOUD = 9.0  # times its variance that a squared response needs to be compared
+# To compare two responses: of an input's power behind one, what is behind the other at least; times
+# its variance a squared response
+_DRIVEN, _LOUD = 0.1, 9.0
 _STILL = 0.01  # share of samples in which an output may be frozen
 _MOVES = 0.2  # of an input's whole motion, within a run in which an output is frozen
 _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of changes at its ticks
