@@ -48,7 +48,9 @@ _NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a
 _LEAST_EVENTS = 1.5  # windows that a motion is spread among, at least
 _LEAST_SHARE = 0.1  # of a control's power: what is coherent with less doesn't answer what moved it
 _BESIDE = 1.3  # by which a band may go beyond what was excited
-_FEEDBACK = 0.5  # partial coherence of control and motion: in a closed loop, or beside the inputs
+# partial coherence of control and motion in a closed loop; share of what inputs leave of outputs
+# power, by chance a sixth (one over the windows), from which another control's part is taken out
+_FEEDBACK, _EXPLAINS = 0.5, 0.3
 _OWN = 0.05  # share of a control's power not explained by its stick
 _OF_OTHERS = {**dict.fromkeys(ATTITUDES, (0, 2)), **dict.fromkeys(ACCELERATIONS, (1, 1))}
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
@@ -257,17 +259,18 @@ def beside(
         for name in IN1
         if name not in inputs
         and all(name in one for one in records)
-        and any(_explains(one, (*inputs, name, *outputs), len(inputs)) for one in records)
+        and np.mean([_share(one, (*inputs, name, *outputs), len(inputs)) for one in records])
+        > _EXPLAINS
     ]
 
 
-def _explains(record: FlightRecord, names: Sequence[str], n: int) -> bool:
-    """Return whether the signal after the first n explains those behind it, beyond these n."""
+def _share(record: FlightRecord, names: Sequence[str], n: int) -> float:
+    """Return the power's share of which signal n explains one behind it, beyond the first n."""
     _, cross = _cross_spectra(record.select(names), record.duration / (len(record) - 1))
     left = _left(cross, n)
     power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
     share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
-    return not _rests(record[names[n]]) and bool(np.max(share, initial=0.0) > _FEEDBACK)
+    return 0.0 if _rests(record[names[n]]) else float(np.max(share, initial=0.0))
 
 
 def _left(cross: Complex, n: int) -> Complex:
