@@ -183,7 +183,7 @@ def named(heading: str, log_format: str) -> Named | None:
     have = set(words.split())
     if have & _ASKED:
         return None
-    rest = have - _PILOT
+    rest = have - _PILOT - ({"in"} if have & _PILOT else set())  # inches of stick, or what comes in
     meant = (
         (channel, sign, 1 + rank)
         for rank, (needed, channel, sign) in enumerate(_WORDS)
