@@ -26,7 +26,18 @@ Word = Literal["sound", "doubtful", "wrong"]
 
 _CAUSES = frozenset({"degenerate", "columns", "sign", "unit", "flapping", "cost"})
 _DOUBTS = frozenset(
-    {"nonlinear", "records", "lost", "frozen", "clock", "delay", "lag", "residual", "unstable"}
+    {
+        "nonlinear",
+        "records",
+        "lost",
+        "frozen",
+        "varying",
+        "clock",
+        "delay",
+        "lag",
+        "residual",
+        "unstable",
+    }
     | {"search", "mode", "bound", "starts", "feedback", "support"}
 )
 

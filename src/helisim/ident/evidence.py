@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -32,17 +31,18 @@ _MOST = 12.0  # times its variance that a squared answer counts at most: chance 
 _ERRORS, _SLOPE = 3.0, 0.01  # stated errors; error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
 _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
-_BENT = 0.03  # share of a response that its signals' size may change
-_UNEVEN = 0.04  # share of a response, by which one side's may differ from the mean of both
+# Shares of a response: that its signals' size may change; by which one side's may differ from the
+# mean of both; that may be wrong where it makes much
+_BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
 # its variance a squared response
 _DRIVEN, _LOUD = 0.1, 9.0
-_STILL = 0.01  # share of samples in which an output may be frozen
-_MOVES = 0.2  # of an input's whole motion, within a run in which an output is frozen
+# Share of samples in which an output may be frozen; of an input's whole motion, within such a run
+_STILL, _MOVES = 0.01, 0.2
 _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of changes at its ticks
-_FILLED = 0.005  # share of samples that may lie on straight lines
-_STRAIGHT = 3  # samples in a row on a straight line in all channels that were filled
+# Share of samples that may lie on straight lines; so many in a row, in all channels, were filled
+_FILLED, _STRAIGHT = 0.005, 3
 _PAIRS = tuple(
     (pair, axes) for pair, axes in ((("p", "q"), (cyclic[2], cyclic[1])) for cyclic in (IN1, IN2))
 )
@@ -65,10 +65,15 @@ def evidence(
             *_crossed(frf),
             *_frozen(flights, frf, inputs),
             *lost,
-            *loop,
+            *(one for one in loop if one.kind == "feedback"),
             # noise in the inputs is in their cubes, too, and so are straight lines
-            *(() if loop or lost else _nonlinear(flights, frf, inputs, frf)),
+            *(
+                ()
+                if lost or any(one.kind == "feedback" for one in loop)
+                else _nonlinear(flights, frf, inputs, frf)
+            ),
             *_halves(flights, frf, inputs),
+            *(one for one in loop if one.kind == "varying"),
         )
 
 
@@ -98,18 +103,28 @@ def _feedback(
         made, measured = _predicted(one, frf), _in_band(one, frf.outputs, frf)
         parts.append((_in_band(one, drive, frf), measured - made, made))
     band = float(frf.frequency[0]), float(frf.frequency[-1])
-    found = answered(parts, [one.sample_time for one in flights], band, tested)
-    worst, said = _BENT, ""
+    frequency, numbers = answered(parts, [one.sample_time for one in flights], band, tested)
+    worst, said, varying = _BENT, "", list[Note]()
     for o, output in enumerate(frf.outputs):
-        coherence = np.interp(found.frequency, frf.frequency, frf.multiple_coherence[o])
+        coherence = np.interp(frequency, frf.frequency, frf.multiple_coherence[o])
         ok = coherence >= USABLE_COHERENCE
+        surprise, own, by_chance, *_ = numbers[ok, :, o].T
         count = max(np.count_nonzero(ok), 1)
-        surprise = np.minimum(found.surprise[ok, o], _MOST)  # so that no band speaks alone
-        chance = float(np.sum(surprise - 1.0)) * math.sqrt(tested / count)
-        beyond = np.maximum(found.bias - found.chance, 0.0)[ok, o]
-        bias = math.sqrt(float(np.sum(beyond)) / count)
+        # at most so much that no band speaks alone
+        chance = float(np.sum(np.minimum(surprise, _MOST) - 1.0)) * math.sqrt(tested / count)
+        bias = math.sqrt(float(np.sum(np.maximum(own - by_chance, 0.0))) / count)
         if chance > _ANSWERED and bias > worst:
             worst, said = bias, output
+        grows = math.sqrt(max(float(np.median(numbers[:, 3, o])), 0.0)) if frequency.size else 0.0
+        if grows > _GROWS and np.sum(numbers[:, 4, o]) > _SURE * math.sqrt(frequency.size):
+            varying.append(
+                Note(
+                    "varying",
+                    f"{output}: {100.0 * grows:.2g} % of what the response makes is wrong where it "
+                    "makes much, and less elsewhere: the vehicle or an actuator changes in time, "
+                    "or isn't linear",
+                )
+            )
     if said:
         names = " and ".join(drive[:tested])
         yield Note(
@@ -122,6 +137,8 @@ def _feedback(
                 else "record the sticks as the reference of the joint estimate, or sweep larger"
             ),
         )
+    elif not frf.reference:  # what goes round a loop grows, too
+        yield from varying
 
 
 def _slopes(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator[Note]:
@@ -431,30 +448,21 @@ _CELLS, _FAINT = 8, 1e-3  # for each unknown; of a drive's mean power, below whi
 # median power. Without feedback b is 0, whatever the drive does; -a is the bias of such an H.
 
 
-class Answer(NamedTuple):
-    """What of the outputs' rest goes with the quiet drive, (n_freq, n_out) but `frequency`.
-
-    `surprise` is |b|^2 over its variance, by chance 1 on average with an exponential tail; `bias`
-    and `chance` are mean squares of what the response's bias and this one's error make, over those
-    of what the response makes.
-    """
-
-    frequency: Real
-    surprise: Real
-    bias: Real
-    chance: Real
-
-
 def answered(
     flights: Sequence[tuple[Real, Real, Real]],
     steps: Sequence[float],
     band: tuple[float, float],
     tested: int,
-) -> Answer:
-    """Return how far the rest of outputs answers the first `tested` signals of a drive.
+) -> tuple[Real, Real]:
+    """Return frequencies, (n_freq,), and how the rest of outputs answers, (n_freq, 5, n_out).
 
-    `flights` are drive, (n_time, n_drive), what the response leaves of the outputs, and what it
-    makes of them, (n_time, n_out), `steps` between samples in s, `band` in rad/s.
+    `flights` are drive, (n_time, n_drive), of which the first `tested` signals count, what the
+    response leaves of the outputs, and what it makes of them, (n_time, n_out), `steps` between
+    samples in s, `band` in rad/s. Of five numbers the first, surprise, is |b|^2 over its variance,
+    by chance 1 on average with an exponential tail; bias and chance are mean squares of what the
+    response's bias and this one's error make, over those of what the response makes. The last two
+    are how much of what the response makes is in the rest, in power, where it makes more, and that
+    in standard deviations by chance.
     """
     n, n_out = flights[0][0].shape[1], flights[0][1].shape[1]
     count = math.log(band[1] / band[0]) / math.log(_CELLS_APART)
@@ -465,9 +473,8 @@ def answered(
         d, e, y = np.split(np.concatenate(each), [n, n + n_out], axis=1)
         if len(d) >= _CELLS * (n + tested):
             found.append((omega, *_regressed(d, e, y, [len(one) for one in each], tested)))
-    frequency = np.array([one[0] for one in found])
-    three = np.array([one[1:] for one in found]).reshape(-1, 3, n_out)
-    return Answer(frequency, three[:, 0], three[:, 1], three[:, 2])
+    numbers = np.array([one[1:] for one in found]).reshape(-1, 5, n_out)
+    return np.array([one[0] for one in found]), numbers
 
 
 def _cells(signals: Real, step: float, omega: float) -> Complex:
@@ -486,8 +493,8 @@ def _cells(signals: Real, step: float, omega: float) -> Complex:
 
 def _regressed(
     d: Complex, e: Complex, y: Complex, counts: Sequence[int], tested: int
-) -> tuple[Real, Real, Real]:
-    """Return surprise, bias and chance of outputs, (n_out,); cells are of flights in a row."""
+) -> tuple[Real, Real, Real, Real, Real]:
+    """Return the five numbers of outputs, (n_out,); cells are of flights in a row."""
     mine, n = d[:, :tested], d.shape[1]
     power = np.abs(mine) ** 2
     usual = np.maximum(np.median(power, axis=0), _FAINT * power.mean(axis=0))
@@ -511,4 +518,8 @@ def _regressed(
     made = np.mean(np.abs(y) ** 2, axis=0) + 1e-300
     bias = np.mean(np.abs(mine @ found[:tested]) ** 2, axis=0) / made
     spread = np.sum(unit[:tested, :tested] * np.real(mine.conj().T @ mine)) / len(d)
-    return surprise, bias, spread * left / made
+    more, rest = np.abs(y) ** 2 - made, np.abs(e) ** 2
+    size = np.sum(more**2, axis=0) + 1e-300
+    grows = np.sum(more * rest, axis=0) / size
+    sure = grows * np.sqrt(_INDEPENDENT * size) / (rest.mean(axis=0) + 1e-300)
+    return surprise, bias, spread * left / made, grows, sure
