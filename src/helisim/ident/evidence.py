@@ -24,10 +24,11 @@ from helisim.records.record import IN1, IN2, RATES, Channel, FlightRecord
 
 _HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
 _APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next
-_FREEDOM = 4.0  # spare lines that a band needs
-_SURE = 6.0  # standard deviations of a statistic by chance: none of a million
-_ANSWERED = 5.0  # standard deviations of a sum of exponentials: one time in 5000, of 7 bands
-_MOST = 12.0  # times its variance that a squared answer counts at most: chance in 160 000
+# Spare lines that a band needs; standard deviations of a statistic by chance: none of a million
+_FREEDOM, _SURE = 4.0, 6.0
+# Standard deviations of a sum of exponentials: one time in 5000, of 7 bands; times its variance
+# that a squared answer counts at most: chance in 160 000
+_ANSWERED, _MOST = 5.0, 12.0
 _ERRORS, _SLOPE = 3.0, 0.01  # stated errors; error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
 _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
@@ -60,20 +61,17 @@ def evidence(
         lost = tuple(_filled(flights, (*inputs, *frf.outputs)))
         # straight lines in all channels at once look like noise that goes round a loop
         loop = () if lost else tuple(_feedback(flights, whole, inputs, len(frf.inputs)))
+        fed = any(one.kind == "feedback" for one in loop)
         return (
             *_slopes(flights, frf),
             *_crossed(frf),
             *_frozen(flights, frf, inputs),
             *lost,
-            *(one for one in loop if one.kind == "feedback"),
+            *(loop if fed else ()),
             # noise in the inputs is in their cubes, too, and so are straight lines
-            *(
-                ()
-                if lost or any(one.kind == "feedback" for one in loop)
-                else _nonlinear(flights, frf, inputs, frf)
-            ),
-            *_halves(flights, frf, inputs),
-            *(one for one in loop if one.kind == "varying"),
+            *(() if lost or fed else _nonlinear(flights, frf, inputs, frf)),
+            *_halves(flights, frf, inputs, in_time=not fed),
+            *(() if fed else loop),
         )
 
 
@@ -330,9 +328,12 @@ def _filtered(
 
 
 def _halves(
-    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str], *, in_time: bool
 ) -> Iterator[Note]:
-    """Yield responses that differ between halves of the records, and of each one's time."""
+    """Yield responses that differ between halves of the records, and of each one's time if asked.
+
+    Within a loop in gusts a half without a sweep shows the controller's inverse.
+    """
     power = np.array([np.var(one.select(inputs), axis=0) for one in flights])
     mainly = np.argmax(power / np.maximum(power.max(axis=0), 1e-300), axis=1)
     sides: tuple[list[FlightRecord], list[FlightRecord]] = ([], [])
@@ -343,9 +344,11 @@ def _halves(
         sides[1].extend(of[middle:] or of)
     if len(flights) > len({*mainly.tolist()}):
         yield from _differing(*sides, frf, inputs, "one half of the records and the other")
-    cut = [[(one.time[0], at), (at, one.time[-1])] for one in flights for at in [np.mean(one.time)]]
-    first, last = ([one.slice(*ends[k]) for one, ends in zip(flights, cut)] for k in range(2))
-    yield from _differing(first, last, frf, inputs, "the first half of each record and the second")
+    if in_time:
+        middle = [(one, float(np.mean(one.time))) for one in flights]
+        first = [one.slice(one.time[0], at) for one, at in middle]
+        last = [one.slice(at, one.time[-1]) for one, at in middle]
+        yield from _differing(first, last, frf, inputs, "the first half of each and the second")
 
 
 def _differing(
@@ -432,8 +435,8 @@ def _frozen(
             )
 
 
-_PERIODS = 3.0  # of a cell: its Hann window passes a third of the frequency either way
-_OVERLAP = 4  # cells that begin within a cell
+# Of a cell: its Hann window passes a third of the frequency either way; cells that begin within one
+_PERIODS, _OVERLAP = 3.0, 4
 # of Hann windows 1/4, 1/2 and 3/4 of their length apart: the correlation of white noise in them
 _CORRELATION = (1.0, 0.659, 0.167, 0.0075)
 _INDEPENDENT = 0.52  # of such cells: 1 over the sum of the correlations' squares
