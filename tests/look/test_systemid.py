@@ -410,7 +410,7 @@ def test_no_fast_unstable_pole_stands_for_a_lag():
 
 @tabled("poles", "order")
 def test_poles_are_near_the_band(poles, order):
-    """To twice its upper edge, 25 rad/s; slower ones than the lower, 1 rad/s, are integrals there."""
+    """To twice its upper edge, 25 rad/s; those below the lower, 1 rad/s, are integrals there."""
     assert named(OMEGA, 100.0 / np.polyval(np.real(np.poly(poles)), S)) == order
 
 
