@@ -26,19 +26,25 @@ Word = Literal["sound", "doubtful", "wrong"]
 
 _CAUSES = frozenset({"degenerate", "columns", "sign", "unit", "flapping", "cost"})
 _DOUBTS = frozenset(
-    {
+    [
         "nonlinear",
         "records",
         "lost",
         "frozen",
         "varying",
+        "drift",
         "clock",
         "delay",
         "lag",
         "residual",
         "unstable",
-    }
-    | {"search", "mode", "bound", "starts", "feedback", "support"}
+        "search",
+        "mode",
+        "bound",
+        "starts",
+        "feedback",
+        "support",
+    ]
 )
 
 

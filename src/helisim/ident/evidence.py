@@ -35,7 +35,8 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
 # mean of both; that may be wrong where it makes much
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
-_DIFFERENT = 0.05  # rms of a response's relative difference between records
+# Rms of a response's relative difference between records; bands in which it is known at least
+_DIFFERENT, _FEWEST = 0.05, 2
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
 # its variance a squared response
 _DRIVEN, _LOUD = 0.1, 9.0
@@ -70,8 +71,8 @@ def evidence(
             *(loop if fed else ()),
             # noise in the inputs is in their cubes, too, and so are straight lines
             *(() if lost or fed else _nonlinear(flights, frf, inputs, frf)),
-            *_halves(flights, frf, inputs, in_time=not fed),
-            *(() if fed else loop),
+            *_halves(flights, frf, inputs),
+            *(() if fed else (*_drift(flights, frf, inputs, len(frf.inputs)), *loop)),
         )
 
 
@@ -85,11 +86,16 @@ def joint_evidence(
 
     `whole` is the joint response to all active inputs.
     """
-    told = tuple(note for note in direct.evidence if note.kind != "feedback")
+    fed = any(one.kind == "feedback" for one in direct.evidence)
     with np.errstate(all="ignore"):
         loop = tuple(_feedback(flights, whole, joint.reference, len(joint.reference)))
-        unbent = loop or len(told) == len(direct.evidence)  # or looked at already, by the inputs
-        return (*told, *loop, *(() if unbent else _nonlinear(flights, joint, joint.reference)))
+        return (
+            *(one for one in direct.evidence if one.kind not in ("feedback", "drift", "varying")),
+            *loop,
+            # else it was looked at by the inputs
+            *(_nonlinear(flights, joint, joint.reference) if fed and not loop else ()),
+            *_drift(flights, joint, joint.reference, len(joint.reference)),
+        )
 
 
 def _feedback(
@@ -328,12 +334,9 @@ def _filtered(
 
 
 def _halves(
-    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str], *, in_time: bool
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
 ) -> Iterator[Note]:
-    """Yield responses that differ between halves of the records, and of each one's time if asked.
-
-    Within a loop in gusts a half without a sweep shows the controller's inverse.
-    """
+    """Yield responses that differ between one half of the records and the other."""
     power = np.array([np.var(one.select(inputs), axis=0) for one in flights])
     mainly = np.argmax(power / np.maximum(power.max(axis=0), 1e-300), axis=1)
     sides: tuple[list[FlightRecord], list[FlightRecord]] = ([], [])
@@ -343,43 +346,60 @@ def _halves(
         sides[0].extend(of[:middle])
         sides[1].extend(of[middle:] or of)
     if len(flights) > len({*mainly.tolist()}):
-        yield from _differing(*sides, frf, inputs, "one half of the records and the other")
-    if in_time:
-        middle = [(one, float(np.mean(one.time))) for one in flights]
-        first = [one.slice(one.time[0], at) for one, at in middle]
-        last = [one.slice(at, one.time[-1]) for one, at in middle]
-        yield from _differing(first, last, frf, inputs, "the first half of each and the second")
+        for name, percent in _differing(*sides, frf, inputs, len(frf.inputs)):
+            yield Note(
+                "records",
+                f"{name} differs by {percent:.0f} % rms between one half of the records and the "
+                "other, beyond noise: other conditions, sizes or vehicles; identify them apart",
+            )
+
+
+def _drift(
+    flights: Sequence[FlightRecord], frf: FrequencyResponse, drive: Sequence[str], tested: int
+) -> Iterator[Note]:
+    """Yield responses to a drive that differ between the records' first halves and their second.
+
+    Within a loop in gusts a half without a sweep shows the controller's inverse: there the drive is
+    the reference.
+    """
+    middle = [(one, float(np.mean(one.time))) for one in flights]
+    first = [one.slice(one.time[0], at) for one, at in middle]
+    last = [one.slice(at, one.time[-1]) for one, at in middle]
+    for name, percent in _differing(first, last, frf, drive, tested):
+        yield Note(
+            "drift",
+            f"{name} differs by {percent:.0f} % rms between the first half of each record and the "
+            "second, beyond noise: the vehicle or its flight changed; identify a part of it",
+        )
 
 
 def _differing(
     first: Sequence[FlightRecord],
     second: Sequence[FlightRecord],
     frf: FrequencyResponse,
-    inputs: Sequence[str],
-    sides: str,
-) -> Iterator[Note]:
-    names, highest = (*inputs, *frf.outputs), float(frf.frequency[-1])
+    drive: Sequence[str],
+    tested: int,
+) -> Iterator[tuple[str, float]]:
+    """Yield responses to the first signals of a drive that differ, and by how many percent."""
+    names, highest = (*drive, *frf.outputs), float(frf.frequency[-1])
     lines = [flight_lines(side, names, highest) for side in (first, second)]
-    one, other = (_bands(side, inputs, frf.outputs, frf) for side in lines)
-    power = np.array([_power(side, side.places(inputs), one.frequency) for side in lines])
+    one, other = (_bands(side, drive, frf.outputs, frf) for side in lines)
+    power = np.array([_power(side, side.places(drive), one.frequency) for side in lines])
     driven = power.min(axis=0) > _DRIVEN * power.max(axis=0)  # in both
     variance, mean = one.variance + other.variance, 0.5 * (one.fit.gain + other.fit.gain)
     loud = np.abs(mean) ** 2 > _LOUD * variance
     ok = (one.enough & other.enough)[:, None, None] & driven[:, None] & loud
     gap = np.abs(one.fit.gain - other.fit.gain) ** 2
     for o, output in enumerate(frf.outputs):
-        for i, input_ in enumerate(frf.inputs):
-            at = ok[:, o, i]
-            if not (count := np.count_nonzero(at)):
+        coherence = np.interp(one.frequency, frf.frequency, frf.multiple_coherence[o])
+        for i, name in enumerate(drive[:tested]):
+            at = ok[:, o, i] & (coherence >= USABLE_COHERENCE)
+            if (count := np.count_nonzero(at)) < _FEWEST:
                 continue
             chance = float(np.sum(gap[at, o, i] / variance[at, o, i])) - count
             relative = math.sqrt(np.mean(gap[at, o, i] / np.abs(mean[at, o, i]) ** 2))
             if chance > _SURE * math.sqrt(2.0 * count) and relative > _DIFFERENT:
-                yield Note(
-                    "records",
-                    f"{output}/{input_} differs by {100.0 * relative:.2g} % rms between {sides}, "
-                    "beyond noise: other conditions, sizes or vehicles; identify them apart",
-                )
+                yield f"{output}/{name}", 100.0 * relative
 
 
 def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[Note]:

@@ -259,9 +259,14 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         for one, rate in ((seen.get(ANGLES.get(name, "")), seen[name]) for name in outputs)
         if one and not one.sized and one.clock == rate.clock
     ]
-    # the part of other controls is not the inputs'; records have them all, and their references
-    direct = {*inputs} <= {*IN1} and not sticks and any(one.format != OURS for one in used)
-    held = beside([part for one in used for part in one.records], inputs, outputs) * direct
+    # The part of other controls is not the inputs'. Records have them all, and their references; of
+    # one event the estimate is by likelihood, which takes none out.
+    held = beside([part for one in used for part in one.records], inputs, outputs) * all(
+        (
+            *({*inputs} <= {*IN1}, not sticks, any(one.format != OURS for one in used)),
+            *(said.kind != "event" for one in used for said in one.findings),
+        )
+    )
     # angles tell a wrong clock or unit of rates
     names = (*inputs, *held, *outputs, *sticks, *known)
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
