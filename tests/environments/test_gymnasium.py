@@ -95,8 +95,7 @@ def test_a_learner_of_stable_baselines_sees_what_the_vector_environment_gives():
 def test_the_standard_call_of_stable_baselines_learns():
     baselines = pytest.importorskip("stable_baselines3")
     many = baselines.common.env_util.make_vec_env("helisim/Hover-v0", n_envs=4)
-    learnt = baselines.PPO("MlpPolicy", many, n_steps=16, batch_size=64).learn(64)
-    assert learnt.num_timesteps == 64
+    assert baselines.PPO("MlpPolicy", many, n_steps=16, batch_size=64).learn(64).num_timesteps == 64
 
 
 def test_no_graphics_before_the_first_picture(monkeypatch):

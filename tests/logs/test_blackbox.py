@@ -225,9 +225,8 @@ def test_fields_of_rotorflight_are_channels_in_si(tmp_path):
         sign = -1.0 if name in ("q", "r", "theta", "lon", "ped", "LON", "PED", "ay", "az") else 1.0
         np.testing.assert_allclose(record[name], sign * factor * columns[field], atol=1e-9)
     assert record.unit("LAT") == record.unit("lat") == "1"
-    full = {"col": 12.0, "lon": 12.0, "lat": 12.0, "ped": 24.0}  # degrees at 1000
-    known = record.provenance["conditions"]["full"]
-    assert known == pytest.approx({name: degree * one for name, one in full.items()})
+    full = dict.fromkeys(("col", "lon", "lat"), 12.0 * degree) | {"ped": 24.0 * degree}  # at 1000
+    assert record.provenance["conditions"]["full"] == pytest.approx(full)
     # rates are the slopes of angles, and gravity is down: signs and units hold together
     assert not {one.kind for one in found.report.findings} & {"sign", "axes", "unit", "scale"}
 
