@@ -35,8 +35,7 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
 # mean of both; that may be wrong where it makes much
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
-# Rms of a response's relative difference between records; bands in which it is known at least
-_DIFFERENT, _FEWEST = 0.05, 2
+_DIFFERENT = 0.05  # rms of a response's relative difference between records
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
 # its variance a squared response
 _DRIVEN, _LOUD = 0.1, 9.0
@@ -346,7 +345,7 @@ def _halves(
         sides[0].extend(of[:middle])
         sides[1].extend(of[middle:] or of)
     if len(flights) > len({*mainly.tolist()}):
-        for name, percent in _differing(*sides, frf, inputs, len(frf.inputs)):
+        for name, percent in _differing(*sides, frf, inputs, len(frf.inputs), 1, 0.0):
             yield Note(
                 "records",
                 f"{name} differs by {percent:.0f} % rms between one half of the records and the "
@@ -365,7 +364,7 @@ def _drift(
     middle = [(one, float(np.mean(one.time))) for one in flights]
     first = [one.slice(one.time[0], at) for one, at in middle]
     last = [one.slice(at, one.time[-1]) for one, at in middle]
-    for name, percent in _differing(first, last, frf, drive, tested):
+    for name, percent in _differing(first, last, frf, drive, tested, 2, USABLE_COHERENCE):
         yield Note(
             "drift",
             f"{name} differs by {percent:.0f} % rms between the first half of each record and the "
@@ -379,8 +378,13 @@ def _differing(
     frf: FrequencyResponse,
     drive: Sequence[str],
     tested: int,
+    fewest: int,
+    coherent: float,
 ) -> Iterator[tuple[str, float]]:
-    """Yield responses to the first signals of a drive that differ, and by how many percent."""
+    """Yield responses to the first signals of a drive that differ, and by how many percent.
+
+    They are compared in bands in which both are known and all are so coherent, `fewest` at least.
+    """
     names, highest = (*drive, *frf.outputs), float(frf.frequency[-1])
     lines = [flight_lines(side, names, highest) for side in (first, second)]
     one, other = (_bands(side, drive, frf.outputs, frf) for side in lines)
@@ -393,8 +397,8 @@ def _differing(
     for o, output in enumerate(frf.outputs):
         coherence = np.interp(one.frequency, frf.frequency, frf.multiple_coherence[o])
         for i, name in enumerate(drive[:tested]):
-            at = ok[:, o, i] & (coherence >= USABLE_COHERENCE)
-            if (count := np.count_nonzero(at)) < _FEWEST:
+            at = ok[:, o, i] & (coherence >= coherent)
+            if (count := np.count_nonzero(at)) < fewest:
                 continue
             chance = float(np.sum(gap[at, o, i] / variance[at, o, i])) - count
             relative = math.sqrt(np.mean(gap[at, o, i] / np.abs(mean[at, o, i]) ** 2))
