@@ -247,13 +247,20 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     transfer = structure.startswith("tf:")
     if transfer and len({one.format for one in used}) > 1:
         used = used[:1]
-    # the sticks, where a loop is closed and all were excited
+    # The sticks, where all were excited: in a closed loop, or where no other control has a part and
+    # they are logged as fast. Records' sticks are references by themselves.
     sticks = tuple(STICKS.get(name, "") for name in inputs)
-    said = (one for looked_at in used for one in looked_at.findings if one.kind == "loop")
-    closed = {one.option.value for one in said if one.option}
-    excited = {one.channel for looked_at in used for one in looked_at.excitations}
-    sticks = sticks if closed & set(sticks) and set(sticks) <= excited else ()
+    loops_of = [one for log in used for one in log.findings if one.kind == "loop"]
+    closed = {one.option.value for one in loops_of if one.option} & {*sticks}
     seen = {one.name: one for one in used[0].channels}
+    if not {*sticks} <= {one.channel for log in used for one in log.excitations} or not (
+        closed
+        or (
+            any(one.format != OURS for one in used)
+            and all(seen[a].rate >= seen[b].rate for a, b in zip(sticks, inputs))
+        )
+    ):
+        sticks = ()
     known = [
         one.name
         for one, rate in ((seen.get(ANGLES.get(name, "")), seen[name]) for name in outputs)
@@ -263,18 +270,26 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     # one event the estimate is by likelihood, which takes none out.
     held = beside([part for one in used for part in one.records], inputs, outputs) * all(
         (
-            *({*inputs} <= {*IN1}, not sticks, any(one.format != OURS for one in used)),
+            *({*inputs} <= {*IN1}, any(one.format != OURS for one in used)),
+            not closed,
             *(said.kind != "event" for one in used for said in one.findings),
         )
     )
     # angles tell a wrong clock or unit of rates
+    sticks = () if held else sticks
     names = (*inputs, *held, *outputs, *sticks, *known)
     used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
     if not used:
         return None
     columns = names if any(one.format != OURS for one in used) else ()
-    cut = [o for one in used for said in one.findings if said.kind == "event" for o in said.remedy]
-    event = [(one.name, (one.value,)) for one in cut if isinstance(one, Option)]
+    event = [
+        (cut.name, (cut.value,))
+        for one in used
+        for said in one.findings
+        if said.kind == "event"
+        for cut in said.remedy
+        if isinstance(cut, Option)
+    ]
     low, high = _band(used, inputs, outputs, joint=not columns or bool(sticks))
     if transfer and outputs[0] in RATES:
         wanted = InferredFit(structure, inputs, outputs, tuple(held), sticks, (low, high), "")
