@@ -192,7 +192,7 @@ def test_a_closed_loop_is_told(tmp_path):
         found = look(path)
         options = [said(one) for one in found.logs[0].findings if one.kind == "loop"]
         assert options == (["--reference LAT"] if told else [])
-        assert ("--reference LAT" in command(found)) == told
+        assert "--reference LAT" in command(found)  # logged as fast as the command, in any case
 
 
 @pytest.mark.parametrize("swept", [0.0, 0.1])
