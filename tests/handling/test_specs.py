@@ -164,8 +164,8 @@ def test_ratings_are_finite_and_agree_with_the_borders(criterion):
     for loop in loops():
         rating = replace(criterion, scale=10.7).rate(loop)
         assert set(rating.figures) == set(criterion.units)
-        figures = {name: x for name, x in rating.figures.items() if name != "gain_bandwidth"}
-        assert all(np.isfinite(value) for value in figures.values()), rating
+        unknown = {name for name, value in rating.figures.items() if not np.isfinite(value)}
+        assert not unknown or (unknown == {"gain_bandwidth"} and "continued" in rating.remark)
         assert abs(rating.distance) <= MOST
         levels.add(rating.level)
         if min(abs(rating.distance), abs(rating.distance + 1.0)) > 1e-6:

@@ -33,7 +33,7 @@ _ERRORS, _SLOPE = 3.0, 0.01  # stated errors; error of a rate's slope that a goo
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
 _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third harmonic has a tenth
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
-# mean of both; that may be wrong where it makes much
+# mean of both; that may be wrong where it makes much: linear vehicles have 1 % of that at most
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
@@ -345,7 +345,9 @@ def _halves(
         sides[0].extend(of[:middle])
         sides[1].extend(of[middle:] or of)
     if len(flights) > len({*mainly.tolist()}):
-        for name, percent in _differing(*sides, frf, inputs, len(frf.inputs), 1, 0.0):
+        for name, percent in _differing(
+            *sides, frf, inputs, len(frf.inputs), fewest=1, coherent=0.0
+        ):
             yield Note(
                 "records",
                 f"{name} differs by {percent:.0f} % rms between one half of the records and the "
@@ -364,7 +366,9 @@ def _drift(
     middle = [(one, float(np.mean(one.time))) for one in flights]
     first = [one.slice(one.time[0], at) for one, at in middle]
     last = [one.slice(at, one.time[-1]) for one, at in middle]
-    for name, percent in _differing(first, last, frf, drive, tested, 2, USABLE_COHERENCE):
+    for name, percent in _differing(
+        first, last, frf, drive, tested, fewest=2, coherent=USABLE_COHERENCE
+    ):
         yield Note(
             "drift",
             f"{name} differs by {percent:.0f} % rms between the first half of each record and the "
@@ -378,6 +382,7 @@ def _differing(
     frf: FrequencyResponse,
     drive: Sequence[str],
     tested: int,
+    *,
     fewest: int,
     coherent: float,
 ) -> Iterator[tuple[str, float]]:
@@ -444,9 +449,10 @@ def _frozen(
                 f"{output} stands still for {100.0 * still / total:.2g} % of the samples while "
                 "inputs move, frozen or at its sensor's end: leave that out",
             )
-        changes = np.flatnonzero(np.diff(flights[0][output]))
         every = max(  # of few changes nothing is said
             k
+            for one in flights
+            for changes in [np.flatnonzero(np.diff(one[output]))]
             for k in range(1, _HELD)
             if k == 1
             or np.max(np.bincount(changes % k), initial=0) > _REGULAR * max(changes.size, _HELD)
@@ -454,7 +460,7 @@ def _frozen(
         if every > 1:
             yield Note(
                 "delay",
-                f"{output} changes at each {every}th sample only: it was logged slower, and is "
+                f"{output} changes once in {every} samples only: it was logged slower, and is "
                 f"{500.0 * (every - 1) * step:.2g} ms late on average, which its delays have",
             )
 

@@ -250,10 +250,15 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     # The sticks, where all were excited: in a closed loop, or where no other control has a part and
     # they are logged as fast. Records' sticks are references by themselves.
     sticks = tuple(STICKS.get(name, "") for name in inputs)
-    loops_of = [one for log in used for one in log.findings if one.kind == "loop"]
-    closed = {one.option.value for one in loops_of if one.option} & {*sticks}
+    closed = {
+        option.value
+        for log in used
+        for one in log.findings
+        if one.kind == "loop" and (option := one.option)
+    } & {*sticks}
     seen = {one.name: one for one in used[0].channels}
-    if not {*sticks} <= {one.channel for log in used for one in log.excitations} or not (
+    excited = {one.channel for log in used for one in log.excitations}
+    if not {*sticks} <= excited & seen.keys() or not (
         closed
         or (
             any(one.format != OURS for one in used)
@@ -268,12 +273,14 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     ]
     # The part of other controls is not the inputs'. Records have them all, and their references; of
     # one event the estimate is by likelihood, which takes none out.
-    held = beside([part for one in used for part in one.records], inputs, outputs) * all(
-        (
-            *({*inputs} <= {*IN1}, any(one.format != OURS for one in used)),
-            not closed,
-            *(said.kind != "event" for one in used for said in one.findings),
-        )
+    apart = (
+        *({*inputs} <= {*IN1}, any(one.format != OURS for one in used), not closed),
+        *(said.kind != "event" for one in used for said in one.findings),
+    )
+    held = (
+        beside([part for one in used for part in one.records], inputs, outputs)
+        if all(apart)
+        else []
     )
     # angles tell a wrong clock or unit of rates
     sticks = () if held else sticks
