@@ -95,8 +95,7 @@ def frequency_response(
     signals = tuple(dict.fromkeys((*wanted, *others, *references, *measured)))
     check_known("estimator", [estimator], ESTIMATORS)
     lengths = window_lengths([len(one) * one.sample_time for one in flights], band)
-    count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
-    frequency = np.geomspace(band[0], band[1], count)
+    frequency = grid(band)
     make = Local if estimator == "local" else partial(Windows, windows=lengths)
     method = make(flights, signals, frequency)
     fewer = [with_more_missing(one) if missing_of(one).any() else one for one in flights]
@@ -108,46 +107,51 @@ def frequency_response(
         between = method.cross_control(references)
         flags += _warned(_coherent(between, references, frequency), CrossControlWarning)
 
-    def estimated(
-        names: tuple[str, ...], wanted: tuple[str, ...] = wanted, others: tuple[str, ...] = others
-    ) -> FrequencyResponse:
-        found = method.estimate(wanted, measured, others, names)
+    active = (*wanted, *others)
+
+    def estimated(names: tuple[str, ...]) -> tuple[FrequencyResponse, FrequencyResponse]:
+        """Return the response to the wanted inputs, and the one to all that are active."""
+        found = method.estimate(active, measured, (), names)
         if poorer is not None:
-            other = poorer.estimate(wanted, measured, others, names)
-            found = with_gap(found, frequency, other.response)
-        return FrequencyResponse(
+            found = with_gap(
+                found, frequency, poorer.estimate(active, measured, (), names).response
+            )
+        whole = FrequencyResponse(
             frequency=frequency,
             response=found.response,
             coherence=found.coherence,
             multiple_coherence=found.multiple,
-            cross_control_coherence=cross[: len(wanted), : len(wanted)],
+            cross_control_coherence=cross,
             random_error=found.random_error,
-            inputs=wanted,
+            inputs=active,
             outputs=measured,
-            input_units=tuple(flights[0].unit(name) for name in wanted),
+            input_units=tuple(flights[0].unit(name) for name in active),
             output_units=tuple(flights[0].unit(name) for name in measured),
-            conditioning=others,
             reference=names,
             estimator=estimator,
             windows=method.windows,
             flags=flags,
-            sources=tuple(map(record_digest, flights)),
+            sources=tuple(one.digest for one in flights),
             spans=tuple(filter(None, map(flight_span, flights))),
             conditions=Conditions.of(flights),
             scatter=found.scatter,
         )
+        return whole.part(len(wanted)), whole
 
-    direct = estimated(())
-    active = (*wanted, *others)
-    whole = estimated((), active, ()) if others else direct
+    direct, whole = estimated(())
     direct = replace(direct, evidence=evidence(flights, direct, whole))
     if not references:
         return direct
-    joint = estimated(references)
+    joint, whole = estimated(references)
     apart = _warned(_disagreements(joint, direct), ClosedLoopWarning)
-    whole = estimated(references, active, ()) if others else joint
     told = joint_evidence(flights, joint, direct, whole)
     return replace(joint, direct=direct, flags=flags + apart, evidence=told)
+
+
+def grid(band: tuple[float, float]) -> NDArray[np.float64]:
+    """Return the frequencies of a response over a band, rad/s."""
+    count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
+    return np.geomspace(band[0], band[1], count)
 
 
 def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:
@@ -363,13 +367,6 @@ def _channel_faults(flight: FlightRecord, channel: Channel) -> Iterator[str]:
             f"is at its stop for {lost:.4g} s, first at {time[stopped[0]]:.6g} s: what the "
             "vehicle does then, or the servo, isn't linear; leave that out, with record.slice"
         )
-
-
-def record_digest(record: FlightRecord) -> str:
-    """Return a short digest of a record's time and values."""
-    digest = hashlib.blake2b(record.time.tobytes(), digest_size=12)
-    digest.update(record.values.tobytes())
-    return digest.hexdigest()
 
 
 def flight_span(record: FlightRecord) -> tuple[str, float, float] | None:

@@ -37,7 +37,6 @@ from helisim.ident.frf import (
     faults,
     flight_span,
     flights_of,
-    record_digest,
 )
 from helisim.ident.rational import delay_grid
 from helisim.ident.response import FrequencyResponse
@@ -416,7 +415,7 @@ def _shown(of: _Likelihood, x: Real, flights: Sequence[FlightRecord]) -> Frequen
         output_units=tuple(flights[0].unit(name) for name in structure.outputs),
         estimator="likelihood",
         flags=tuple(faults(flights, (*structure.inputs, *structure.outputs))),
-        sources=tuple(map(record_digest, flights)),
+        sources=tuple(one.digest for one in flights),
         spans=tuple(filter(None, map(flight_span, flights))),
         conditions=Conditions.of(flights),
     )

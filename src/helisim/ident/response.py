@@ -4,7 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -205,6 +205,19 @@ class FrequencyResponse(Value, Displayed):
             if control in self.inputs and name in self.outputs
             for at in [self.index(name, control)]
             for ok in [self.usable()[at]]
+        )
+
+    def part(self, count: int) -> "FrequencyResponse":
+        """Return the response to the first inputs, with the others as conditioning inputs."""
+        return replace(
+            self,
+            response=self.response[:, :count],
+            coherence=self.coherence[:, :count],
+            random_error=self.random_error[:, :count],
+            cross_control_coherence=self.cross_control_coherence[:count, :count],
+            inputs=self.inputs[:count],
+            input_units=self.input_units[:count],
+            conditioning=self.inputs[count:],
         )
 
     def plot(self, pairs: "Sequence[str] | str | None" = None) -> "Figure":

@@ -14,7 +14,7 @@ from helisim.base.errors import IdentificationError, InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.settings import Limits, convert
 from helisim.ident.evaluate import delayed, linear, simulate
-from helisim.ident.frf import flights_of, record_digest, refuse_truncated, share_seen
+from helisim.ident.frf import flights_of, refuse_truncated, share_seen
 from helisim.ident.result import Fit
 from helisim.ident.verification import (
     Approach,
@@ -112,7 +112,7 @@ def _elsewhere(inputs: Sequence[str], flights: Sequence[FlightRecord]) -> tuple[
 def refuse_seen(fit: Fit, record: FlightRecord, name: str) -> None:
     """Raise InputError if the fit has seen more than a part of the record."""
     share = share_seen(record, fit.data.spans)
-    if share > _SHARED or record_digest(record) in fit.data.sources:
+    if share > _SHARED or record.digest in fit.data.sources:
         part = "" if share == 0.0 else f" (about {100.0 * share:.0f} % of its time)"
         raise InputError(
             f"{name}: was used in the fit{part}, so it can't verify it; "

@@ -1,11 +1,12 @@
 """Flight records and their channels, with units; body axes FRD, earth axes NED."""
 
+import hashlib
 import json
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -282,10 +283,17 @@ class FlightRecord(Value, Displayed):
             f"{len(self.names)} channels: {some_names(self.names)})"
         )
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The channel names, in column order."""
         return tuple(channel.name for channel in self.channels)
+
+    @cached_property
+    def digest(self) -> str:
+        """A short digest of time and values."""
+        digest = hashlib.blake2b(self.time.tobytes(), digest_size=12)
+        digest.update(self.values.tobytes())
+        return digest.hexdigest()
 
     @property
     def duration(self) -> float:

@@ -17,6 +17,8 @@ from helisim.base.files import make_folder, write_json
 from helisim.base.settings import Limits, convert
 from helisim.handling.loop import axis_of
 from helisim.ident import blocks
+from helisim.ident.frf import grid
+from helisim.ident.local import Local
 from helisim.records.record import AXES, SERVO_POSITIONS, FlightRecord, one_blas_thread, versions
 from helisim.records.storage import read_record, write_record
 from helisim.sim import Doublet, FlightPlan, Recorder, Sweep, fly_each
@@ -267,8 +269,8 @@ def sweep_coherence(record: FlightRecord, axis: str) -> float:
     swept = axis_of(axis)
     w_min, w_max = record.provenance["excitation"]["band"]
     band, motion = (max(1.0, w_min), 0.8 * w_max), swept.rate or swept.angle
-    frf = ident.frequency_response(record, inputs=swept.stick, outputs=motion, band=band)
-    return float(np.mean(frf.coherence))
+    local = Local([record], (swept.stick, motion), grid(band))
+    return float(np.mean(local.estimate([swept.stick], [motion], (), ()).coherence))
 
 
 def _fly_doublets(
