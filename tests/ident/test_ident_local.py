@@ -10,21 +10,13 @@ from scipy.signal import detrend, freqz, lfilter
 
 from helisim.base.errors import IdentificationError
 from helisim.ident import frequency_response, identify, structures, verify
+from helisim.ident import windows as win
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.local import Task, estimate_bands, transients
 from helisim.ident.local_fit import Lines, fit_band, flight_lines
 from helisim.ident.scatter import LineWeights, LocalScatter
-from helisim.ident.windows import (
-    OVERLAP,
-    PERIODS,
-    compose,
-    condition,
-    cross_spectra,
-    random_error,
-    window_lengths,
-)
 from helisim.records.record import FlightRecord
 from ident_data import YAW, fitted, of_model, record
 from tabled import tabled
@@ -58,6 +50,17 @@ def test_a_lightly_damped_mode_is_not_smeared():
     expected = truth([0.01], LIGHT, local.frequency)
     assert worst(local, expected) < 1e-3
     assert worst(windows, expected) > 0.2
+
+
+@pytest.mark.parametrize("times", [8, 12, 15, 20])
+def test_pulses_that_repeat_a_whole_number_of_times_tell_a_response(times):
+    """Lines between harmonics are empty; of 30 independent points one errs by 3.2 by chance."""
+    lat = np.tile(np.repeat([0.0, 1.0, -1.0, 0.0], [20, 10, 10, 2400 // times - 40]), times)
+    noise = 0.05 * np.random.default_rng(times).standard_normal(2400)
+    frf = frequency_response(record(lat=lat, p=lfilter([0.3], [1.0, -0.8], lat) + noise), **ASKED)
+    off = np.abs(frf.response / truth([0.3], [1.0, -0.8], frf.frequency) - 1.0)
+    assert np.mean(frf.usable()) > 0.8
+    assert np.max((off / (math.sqrt(2.0) * frf.random_error))[frf.usable()]) < 3.2
 
 
 def unstable(seed, disturbance=0.0, samples=2400):
@@ -291,9 +294,9 @@ def test_inputs_that_follow_each_other_late_are_told_apart(others):
     lat, own = random.standard_normal((2, 4000))
     lon = 0.8 * np.roll(lat, 5) + 0.5 * own
     flown = record(lat=lat, lon=lon, p=2.0 * lat + 3.0 * lon)
-    spectra = cross_spectra([flown], ["lat", "lon", "p"], np.array([2.0, 5.0, 11.0]), 20.0)
+    spectra = win.cross_spectra([flown], ["lat", "lon", "p"], np.array([2.0, 5.0, 11.0]), 20.0)
     inputs = [name for name in ("lat", "lon") if name not in others]
-    found = condition(spectra, inputs, ["p"], others)
+    found = win.condition(spectra, inputs, ["p"], others)
     exact = np.array([2.0, 3.0])[: len(inputs), None]
     np.testing.assert_allclose((found.gxy / found.gxx)[0], exact + np.zeros(3), rtol=1e-9)
 
@@ -301,12 +304,12 @@ def test_inputs_that_follow_each_other_late_are_told_apart(others):
 @tabled("durations", "band", "lengths")
 def test_window_lengths_follow_the_published_rules(durations, band, lengths):
     """At most half a record and a fifth of all, at least 20 periods of the highest frequency."""
-    assert window_lengths(durations, band) == pytest.approx(tuple(lengths), rel=1e-12)
+    assert win.window_lengths(durations, band) == pytest.approx(tuple(lengths), rel=1e-12)
 
 
 def test_records_too_short_for_the_band_are_told_with_their_figures():
     with pytest.raises(IdentificationError) as raised:
-        window_lengths([30.0, 40.0], (0.4, 20.0))
+        win.window_lengths([30.0, 40.0], (0.4, 20.0))
     for told in ("lasts 30 s", "together 70 s", "of 14 s", "from 0.4488 rad/s", "at 0.4 "):
         assert told in str(raised.value)
 
@@ -315,11 +318,11 @@ def test_composite_spectra_minimise_the_published_cost():
     """No general optimiser finds composite spectra of lower cost (Tischler and Remple, 11)."""
     frequency = np.geomspace(2.0, 20.0, 12)
     flown = [white(11, noise=0.2)]
-    spectra = [cross_spectra(flown, ["lat", "p"], frequency, one) for one in (40.0, 25.0, 12.0)]
-    each = [condition(one, ["lat"], ["p"]) for one in spectra]
-    composed = compose(each)
-    error = np.stack([random_error(one.coherence, one.averages) for one in each])[:, 0, 0]
-    usable = np.stack([one.periods >= PERIODS for one in each])
+    spectra = [win.cross_spectra(flown, ["lat", "p"], frequency, one) for one in (40.0, 25.0, 12.0)]
+    each = [win.condition(one, ["lat"], ["p"]) for one in spectra]
+    composed = win.compose(each)
+    error = np.stack([win.random_error(one.coherence, one.averages) for one in each])[:, 0, 0]
+    usable = np.stack([one.periods >= win.PERIODS for one in each])
     usable[0] = True
     weight = np.where(usable, (np.min(np.where(usable, error, np.inf), axis=0) / error) ** 4, 0.0)
     power = weight * np.stack([one.gxx[0, 0] for one in each])
@@ -375,7 +378,7 @@ def test_cross_spectra_are_sums_over_windows():
     """Detrended, faded, Hann windows hanging over both ends, (2/T) mean of A B* / 0.375."""
     records, names = [flight(1), flight(2, samples=700)], ["lat", "p"]
     frequency, window = np.array([1.1, 3.0, 7.7]), 6.0
-    found = cross_spectra(records, names, frequency, window)
+    found = win.cross_spectra(records, names, frequency, window)
     total, power, shared = 0.0, 0.0, 0.0
     for one in records:
         step, samples, length = one.sample_time, len(one), 300
@@ -383,7 +386,7 @@ def test_cross_spectra_are_sums_over_windows():
         ends = np.minimum(np.arange(samples), np.arange(samples)[::-1]) + 0.5
         fade = np.where(ends < ramp, np.sin(0.5 * np.pi * ends / ramp) ** 2, 1.0)
         signals = detrend(one.select(names), axis=0) * fade[:, None]
-        hop = length * (1.0 - OVERLAP)
+        hop = length * (1.0 - win.OVERLAP)
         count = math.ceil((samples + length - 2.0 * hop) / hop) + 1
         begins = [round(x) for x in np.linspace(hop - length, samples - hop, count)]
         windows = []
@@ -409,7 +412,7 @@ def test_the_random_error_is_the_published_formula():
     """C_eps sqrt(1 - g2) / (|g| sqrt(2 n_d)) with C_eps^2 in the number of averages."""
     coherence = np.array([0.1, 0.6, 0.99])
     expected = np.sqrt((1.0 - coherence) / (2.0 * 7.3 * coherence))
-    assert random_error(coherence, 7.3) == pytest.approx(expected, rel=1e-12)
+    assert win.random_error(coherence, 7.3) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.fixture(scope="module")

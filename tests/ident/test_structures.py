@@ -113,15 +113,12 @@ def test_a_structure_of_ones_own_is_read_and_identified(tmp_path):
     assert identify(frf, bounded).at_bound == ("Y_lat",)
 
 
-@pytest.mark.parametrize(
-    "structure",
-    [
-        *structures.BUILT_IN.values(),
-        transfer_function(zeros=0, poles=0, input="lat", output="p"),  # no states, no rows
-        structures.heave.with_fixed({"Z_w": -1.0}, {"Z_w": 0.1}),
-    ],
-    ids=lambda one: one.name,
-)
+NO_STATES = transfer_function(zeros=0, poles=0, input="lat", output="p")
+KNOWN = structures.heave.with_fixed({"Z_w": -1.0}, {"Z_w": 0.1})
+SHAPES = [*structures.BUILT_IN.values(), NO_STATES, KNOWN]
+
+
+@pytest.mark.parametrize("structure", SHAPES, ids=lambda one: one.name)
 def test_a_structure_survives_its_file_and_json(structure, tmp_path):
     text = structure.to_toml(tmp_path / "one.toml")
     again = Structure.from_toml(tmp_path / "one.toml")

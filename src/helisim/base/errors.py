@@ -115,8 +115,7 @@ def check_known(
 
 def similar(name: str, available: Iterable[str]) -> list[str]:
     """Return up to three names similar to `name`, best first."""
-    wanted = name.casefold()
-    likeness = {one: _likeness(wanted, one.casefold()) for one in available}
+    likeness = {one: _likeness(name.casefold(), one.casefold()) for one in available}
     least = max(_ALIKE, max(likeness.values(), default=0.0) - _CLOSE_TO_BEST)
     ranked = sorted(likeness, key=lambda one: (-likeness[one], one))
     return [one for one in ranked[:3] if likeness[one] >= least]

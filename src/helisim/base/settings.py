@@ -553,8 +553,7 @@ def _inside(value: Any, hint: Any, toml: bool) -> Any:
     if isinstance(value, tuple | list):
         inner = get_args(hint)[0] if get_origin(hint) is tuple else Any
         return [_inside(one, inner, toml) for one in value]
-    several = hasattr(type(value), "kinds") or bool(kinds_of(hint))
-    return to_plain(value, kind=several, toml=toml)
+    return to_plain(value, kind=hasattr(type(value), "kinds") or bool(kinds_of(hint)), toml=toml)
 
 
 def in_brief(value: Any) -> str:

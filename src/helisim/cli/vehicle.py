@@ -228,8 +228,7 @@ def vehicle_check(o: Options) -> int:
 
     found = check_vehicle(o.vehicle)
     for problem in found.problems:
-        remedy = (problem.remedy,) if problem.remedy else ()
-        print(single_line(str(problem)) + worded(remedy))
+        print(single_line(str(problem)) + worded((problem.remedy,) if problem.remedy else ()))
     if not o.quiet:
         print(render_check(found))
     return 2 if found.problems else 0

@@ -288,15 +288,6 @@ def doubt(
     return Note(kind, f"{text}; try a structure with more states")
 
 
-def omitted_lag(name: str, lag: float, errors: float, shift: float) -> str:
-    """Return what a lag that the structure lacks would explain, in words."""
-    return (
-        f"a lag of {1e3 * lag:.2g} ms on {name}, which the structure lacks, explains the data "
-        f"better, by {errors:.2g} of its errors, and moves parameters by up to "
-        f"{100.0 * shift:.2g} %: a servo or a filter; put it in series, or give it as known"
-    )
-
-
 def implausible(
     structure: Structure,
     values: Mapping[str, tuple[float, float]],

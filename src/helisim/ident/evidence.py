@@ -35,6 +35,7 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
 # mean of both; that may be wrong where it makes much: linear vehicles have 1 % of that at most
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
+_UNKNOWN = 0.5  # relative error of a response from which what it leaves tells nothing
 _DIFFERENT = 0.05  # rms of a response's relative difference between records
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
 # its variance a squared response
@@ -109,8 +110,8 @@ def _feedback(
     frequency, numbers = answered(parts, [one.sample_time for one in flights], band, tested)
     worst, said, varying = _BENT, "", list[Note]()
     for o, output in enumerate(frf.outputs):
-        coherence = np.interp(frequency, frf.frequency, frf.multiple_coherence[o])
-        ok = coherence >= USABLE_COHERENCE
+        coherence = frf.multiple_coherence[o] * (np.min(frf.random_error[o], axis=0) < _UNKNOWN)
+        ok = np.interp(frequency, frf.frequency, coherence) >= USABLE_COHERENCE
         surprise, own, by_chance, *_ = numbers[ok, :, o].T
         count = max(np.count_nonzero(ok), 1)
         # at most so much that no band speaks alone
@@ -417,9 +418,10 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
     for one in flights:
         values = one.select(names)
         size = np.maximum(np.ptp(values, axis=0), 1e-300)
-        bend = np.abs(np.diff(values, 2, axis=0)) <= 1e-9 * size
-        moves = np.any(np.abs(np.diff(values, axis=0)[1:]) > 1e-9 * size, axis=1)
-        lengths = np.diff(stretches(np.all(bend, axis=1) & moves))
+        bend, steps = np.abs(np.diff(values, 2, axis=0)), np.abs(np.diff(values, axis=0)[1:])
+        straight = bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size)
+        moves = np.any(steps > 1e-9 * size, axis=1)
+        lengths = np.diff(stretches(np.all(straight, axis=1) & moves))
         lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
         total += len(one)
     if lost > _FILLED * total:

@@ -9,7 +9,6 @@ import numpy as np
 from helisim.base.arrays import Real
 from helisim.base.note import Note
 from helisim.base.settings import Limits, convert
-from helisim.ident import diagnosis
 from helisim.ident.bounds import Accuracy, accuracy
 from helisim.ident.cost import Band, Cost, select
 from helisim.ident.diagnosis import degenerate, residual
@@ -101,7 +100,15 @@ def identify(
         searches_agreeing=agreeing,
         degenerate=advice,
         omitted=tuple(
-            Note("lag", diagnosis.omitted_lag(*one)) for one in quality.omitted if one[3] > _SHIFT
+            Note(
+                "lag",
+                f"a lag of {1e3 * lag:.2g} ms on {name}, which the structure lacks, explains the "
+                f"data better, by {errors:.2g} of its errors, and moves parameters by up to "
+                f"{100.0 * shift:.2g} %: a servo or a filter; put it in series, or give it as "
+                "known",
+            )
+            for name, lag, errors, shift in quality.omitted
+            if shift > _SHIFT
         ),
         data=frf,
         options=plain(options),

@@ -41,6 +41,9 @@ _STUDENT = 2.5
 _POWER_WIDTH = 0.2  # over which share of the frequency the inputs' spectra are averaged
 _POWER_LINES = 12  # least lines in averages of the inputs' spectra
 _APART_WIDTH = 0.15  # of ln w, over which squares of estimates' differences are averaged
+# Pulses that repeat a whole number of times leave most lines empty. Share of records that is cut
+# off to fill them, where no band can be solved at some frequency
+_CUTS = (0.02, 0.04, 0.08)
 _AVERAGES = 8.0  # no coherence is larger than what so many averages would need for the random error
 
 
@@ -53,7 +56,8 @@ class Local:
         self, records: Sequence[FlightRecord], names: Sequence[str], frequency: Real
     ) -> None:
         self._frequency = frequency
-        self._lines = flight_lines(records, names, float(frequency[-1] * (1.0 + WIDTHS[-1])))
+        self._records, self._highest = records, float(frequency[-1] * (1.0 + WIDTHS[-1]))
+        self._lines = flight_lines(records, names, self._highest)
 
     def cross_control(self, names: Sequence[str]) -> Real:
         """Return the coherence between signals, (n_name, n_name, n_freq)."""
@@ -78,13 +82,23 @@ class Local:
             n_in=len(inputs),
             frequency=frequency,
         )
-        bands = estimate_bands(task)
+        tries = [(task, estimate_bands(task))]
+        if np.any(tries[0][1].lost):
+            for cut in _CUTS:
+                parts = [
+                    one.slice(-np.inf, one.time[-1] - cut * one.duration) for one in self._records
+                ]
+                other = task._replace(lines=flight_lines(parts, self._lines.names, self._highest))
+                tries.append((other, estimate_bands(other)))
+        task, bands = min(tries, key=lambda one: np.count_nonzero(one[1].lost))
         noise = _noise(bands, frequency)
         level = np.real(np.diagonal(noise, axis1=1, axis2=2)).T
         share, bias, spread = choose(
             bands.gain, bands.shared(), level, bands.valid, WIDTHS, frequency, widest=WIDEST
         )
         response = np.sum(share * bands.gain, axis=0)
+        # where no band can be solved its least solution is a third of the response
+        bias = np.maximum(bias, 2.0 * np.abs(response) * bands.lost)
         scatter = LocalScatter(frequency, bands.packed(share), share, noise, bias, spread)
         o, i, w = np.indices(response.shape).reshape(3, -1)
         variance = scatter.variance(o, i, w).reshape(response.shape)
@@ -190,6 +204,11 @@ class Bands(NamedTuple):
     active_gain: Complex
     weights: tuple[dict[int, tuple[NDArray[np.intp], NDArray[np.complex64]]], ...]
 
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Frequencies at which no width can be solved, (n_freq,)."""
+        return ~np.any(self.freedom > 0.0, axis=0)
+
     def shared(self) -> Real:
         """Return the covariance for a unit disturbance, (n_width, n_width, n_in, n_freq)."""
         n_width, _, n_in, n_freq = self.gain.shape
@@ -236,7 +255,7 @@ def estimate_bands(task: Task) -> Bands:
             k = chosen[ok]
             found.gain[width][:, :, k] = np.moveaxis(gain[ok, :, : task.n_in], 0, 2)
             found.residual[width, k] = residual[ok]
-            found.freedom[width, k] = fit.freedom[ok]
+            found.freedom[width, k] = np.where(fit.fits, fit.freedom, 0.0)[ok]
             found.full_gain[k], found.active_gain[k] = gain[ok], into[ok]
             for f, at in zip(np.flatnonzero(ok), k):
                 found.weights[at][width] = fit.first[f], weight[f, : task.n_in]

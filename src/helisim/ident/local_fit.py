@@ -18,7 +18,7 @@ from helisim.records.record import FlightRecord
 
 ORDER = 2  # Order of the response's polynomial (Pintelon and Schoukens take 2, too)
 TRANSIENT = 3  # Terms of a transient: 1/w, 1 and w
-_SINGULAR = 1e-11  # least eigenvalue of the scaled normal matrix
+_SINGULAR = 1e-8  # least eigenvalue of the scaled normal matrix; sweeps have 1e-3 and more
 _WORTH = 5.0  # a pole is estimated where it takes so much off chi^2; chance takes 1 at most
 _NEAREST = 0.5  # lines between a pole and the frequency axis at least
 _FURTHEST = 10.0  # half widths between a pole and the middle at most: beyond, it is none
@@ -294,8 +294,7 @@ def _fitted(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
     rest = solved.remainder
     fitted = band.right.reshape(rest.shape) - rest
     size = np.linalg.norm(rest, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
-    least = 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300
-    return fitted, np.maximum(size, least)[:, None, :]
+    return fitted, np.maximum(size, 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300)[:, None, :]
 
 
 def _kept_off(place: Complex, least: Real) -> Complex:

@@ -244,8 +244,7 @@ class LocalScatter(Value):
     def noise_root(self) -> Complex:
         """Return R with S = R R*, smooth in frequency, (n_freq, n_out, n_out)."""
         value, vector = np.linalg.eigh(self.noise)
-        scaled = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
-        return scaled @ vector.conj().swapaxes(1, 2)
+        return (vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]) @ vector.conj().swapaxes(1, 2)
 
 
 def _product(one: LineWeights, other: LineWeights) -> Complex | None:

@@ -245,8 +245,7 @@ def linear_parameters(structure: Structure) -> NDArray[np.intp]:
         )
         gain = entry.matrix == "D" or (entry.matrix == "G" and entry.row not in upstream)
         (within if gain or between else elsewhere).update(entry.expression.names)
-    gains = within - elsewhere
-    return np.flatnonzero([parameter.name in gains for parameter in structure.free])
+    return np.flatnonzero([parameter.name in within - elsewhere for parameter in structure.free])
 
 
 def _upstream(structure: Structure) -> set[int]:
@@ -321,8 +320,7 @@ class Delays:
         basis = seen.Vh[1e-9 * np.max(seen.S, initial=0.0) < seen.S]
 
         def best(delays: Real) -> Real | None:
-            apart = [all(self.differ(one, other) for other in taken) for one in delays]
-            delays = delays[apart]
+            delays = delays[[all(self.differ(one, other) for other in taken) for one in delays]]
             # |turn (g s + rest) - 1| = |g s + rest - 1 / turn|: the gains' span is constant
             back = np.exp(1j * ((delays - here) @ self._turn))
             target = _real(root * (back - rest))

@@ -193,7 +193,16 @@ def _in_segments(fit: Fit, flight: FlightRecord, length_s: float) -> Trace:
     model = linear(structure, fit.values)
     free, forced, reach = _motions(fit, model, step, length)
     own = _orthonormal(free / size[:, None])
-    _refuse_short(fit, length, own.shape[1], step)
+    numbers, outputs = own.shape[1], len(structure.outputs)
+    if length * outputs < _PER_NUMBER * numbers:
+        needed = -(-_PER_NUMBER * numbers // outputs)
+        raise InputError(
+            f"{length} samples ({length * step:.3g} s) are too few to estimate {numbers} of "
+            f"the state's numbers from and to tell of the model {structure.name!r}; "
+            f"expected {needed} samples ({needed * step:.3g} s) or more: give longer segments, "
+            "or a record of a higher rate",
+            remedy="segment=S",
+        )
     moved = _without(measured[starts[:, None] + np.arange(length)] / size, own)
     before, after = reach
     padded = np.pad(inputs - inputs[0], ((before, after), (0, 0)), mode="edge")
@@ -290,15 +299,3 @@ def _shares(motions: Real, shared: Real, whole: Real) -> Real:
     left, strength, right = np.linalg.svd(columns, full_matrices=False)
     seen = strength > _ABSORBED
     return (left[:, seen] / strength[seen]) @ (right[seen] @ mean) / norm
-
-
-def _refuse_short(fit: Fit, samples: int, numbers: int, step: float) -> None:
-    if samples * len(fit.structure.outputs) < _PER_NUMBER * numbers:
-        needed = -(-_PER_NUMBER * numbers // len(fit.structure.outputs))
-        raise InputError(
-            f"{samples} samples ({samples * step:.3g} s) are too few to estimate {numbers} of "
-            f"the state's numbers from and to tell of the model {fit.structure.name!r}; "
-            f"expected {needed} samples ({needed * step:.3g} s) or more: give longer segments, "
-            "or a record of a higher rate",
-            remedy="segment=S",
-        )

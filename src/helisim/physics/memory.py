@@ -236,8 +236,7 @@ def user_numbers(m, offsets, actuator):
 @kernel()
 def view_of(m, d, offsets, rotor):
     """Return a view of the vehicle to which a rotor actuator belongs."""
-    joint = ints(m, offsets.actuator_trnid)[2 * rotor]
-    body = ints(m, offsets.jnt_bodyid)[joint]
+    body = ints(m, offsets.jnt_bodyid)[ints(m, offsets.actuator_trnid)[2 * rotor]]
     state = ints(m, offsets.actuator_actadr)[rotor] - STATE.flap_a
     control = ints(m, offsets.actuator_ctrladr)[rotor] - ROTOR
     return VehicleView(

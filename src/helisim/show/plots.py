@@ -137,8 +137,7 @@ def draw_bode(
         *_differences("phase less the identified, deg", phases, _LEAST_DEG),
         Panel(said, coherence, 58.0, (0.5,), (0.0, 1.04), threshold=USABLE_COHERENCE),
     )
-    title = f"{output} / {input_}"
-    return Drawing(name, title, caption, panels, "frequency, rad/s", True, used)
+    return Drawing(name, f"{output} / {input_}", caption, panels, "frequency, rad/s", True, used)
 
 
 def draw_pair(item: IdentifiedModel, output: str, input_: str) -> Drawing:

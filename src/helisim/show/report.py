@@ -18,7 +18,6 @@ from helisim.show.figure import Drawing
 from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_over_time, draw_pair, draw_verifications, pairs_of
 from helisim.show.table import numbers, table
-from helisim.study.comparison import ComparisonTable
 from helisim.study.errata import errata
 from helisim.study.log_tune import LogTuning
 from helisim.study.results import IdentifiedModel, Results, Run, read_run
@@ -256,21 +255,20 @@ def _results_tables(run: Run) -> str:
     for one in run.results.tables:
         parts += [
             page.block(replace(tables.comparison(one), title=_TITLES.get(one.name, one.name))),
-            page.folded("tolerances", page.bullets(_tolerances(one))),
+            page.folded(
+                "tolerances",
+                page.bullets(
+                    f"{row.name}: within {limit:.3g} % of the {source} ({reason})"
+                    for row in one.parameters
+                    for source, limit, reason in (
+                        (one.truth, row.tolerance_percent, row.tolerance_reason),
+                        ("paper", row.paper_tolerance_percent, row.paper_tolerance_reason),
+                    )
+                    if limit is not None
+                ),
+            ),
         ]
     return "\n".join(parts)
-
-
-def _tolerances(one: ComparisonTable) -> list[str]:
-    return [
-        f"{row.name}: within {limit:.3g} % of the {source} ({reason})"
-        for row in one.parameters
-        for source, limit, reason in (
-            (one.truth, row.tolerance_percent, row.tolerance_reason),
-            ("paper", row.paper_tolerance_percent, row.paper_tolerance_reason),
-        )
-        if limit is not None
-    ]
 
 
 def _bode(run: Run, folder: Path) -> str:

@@ -269,7 +269,9 @@ def _texts(source: Path, name: str, airframe: Airframe | None) -> dict[str, str]
         if key not in entries and known is not None:
             source_of = "chosen: margins of 36 degrees"
             entries[key] = PhysicalParameter(key, value, known.unit, source_of)
-    given = {key: entries[key] for key in sorted(entries, key=_rank)}
+    parts, terms = [*sections(), *(key.split(".")[0] for key in entries)], [*glossary(), *entries]
+    ranks = {key: (parts.index(key.split(".")[0]), terms.index(key)) for key in entries}
+    given = {key: entries[key] for key in sorted(entries, key=ranks.__getitem__)}
     header = _header("parameters").format(name=name, like=like)
     return {
         "parameters.toml": to_toml(Parameters(given), header, comment=_comment),
@@ -311,11 +313,6 @@ def _comment(name: str) -> list[str]:
         *textwrap.wrap(known.meaning, _WIDTH),
         *textwrap.wrap(origin, _WIDTH, subsequent_indent="  "),
     ]
-
-
-def _rank(name: str) -> tuple[int, int]:
-    known, terms = [*sections(), name.split(".")[0]], [*glossary(), name]
-    return known.index(name.split(".")[0]), terms.index(name)
 
 
 def calibrated_text(

@@ -33,7 +33,7 @@ from helisim.records.record import (
 from helisim.records.storage import read_table
 from helisim.sim import Recorder, Weather, fly
 from helisim.sim.rigs import RigTest, run_rigs
-from helisim.study.campaign import MODEL_NAMES, Campaign, Method, Replicate, Variation
+from helisim.study.campaign import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.comparison import ComparisonTable, comparison_table, identify_model
 from helisim.study.executors import Executor, local
 from helisim.study.experiment import servo_test
@@ -178,15 +178,11 @@ def _done(work: list[FlightRecord] | HelisimError) -> list[FlightRecord]:
     return work
 
 
-def _type_of(variation: Variation) -> pa.DataType:
-    known = {bool: pa.bool_(), str: pa.string(), tuple: pa.list_(pa.float64())}
-    return known.get(type(variation.values[0]), pa.float64())
-
-
 def _schema(campaign: Campaign) -> pa.Schema:
     """Return columns, and as provenance the plan and the versions that compute its numbers."""
     columns = [(name, pa.int64()) for name in ("replicate", "point", "seed")]
-    columns += [(one.key, _type_of(one)) for one in campaign.varied]
+    types = {bool: pa.bool_(), str: pa.string(), tuple: pa.list_(pa.float64())}
+    columns += [(one.key, types.get(type(one.values[0]), pa.float64())) for one in campaign.varied]
     name, version = FORMAT
     made = dict(plain(made_by("campaign", campaign=campaign.to_dict(), truth=_TRUTH)))
     header = {"format": name, "version": version, "provenance": made}

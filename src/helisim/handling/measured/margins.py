@@ -286,8 +286,7 @@ class MeasuredLoop(Value):
     @property
     def used(self) -> list[Cut]:
         """Cuts at which something was injected."""
-        drives = [one.drive for one in self.driven]
-        return [cut for cut in self.cuts if cut.injected in drives]
+        return [cut for cut in self.cuts if cut.injected in {one.drive for one in self.driven}]
 
     @property
     def draws(self) -> "Iterator[MeasuredLoop]":
