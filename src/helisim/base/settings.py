@@ -502,8 +502,7 @@ def _kind_of(kind: Any, table: Mapping[str, Any], place: str) -> tuple[Any, dict
             del given[key]
         return only, given
     if key not in given:
-        said = value_words(table)
-        raise InputError(f"{place} must be {_kinds_in_words(kinds)}; got {said}")
+        raise InputError(f"{place} must be {_kinds_in_words(kinds)}; got {value_words(table)}")
     name = given.pop(key)
     if not isinstance(name, str) or name not in kinds:
         own = "one of your own has to be imported first" if "kinds" in vars(only) else ""

@@ -91,8 +91,7 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
                 span = f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
                 rows.setdefault(str(one.path), []).append(span)
             places = [f"{path}, {', '.join(spans)}" for path, spans in rows.items()]
-        said = "; ".join(places)
-        raise IdentificationError(f"{said}: {text}", remedy=error.remedy) from None
+        raise IdentificationError(f"{'; '.join(places)}: {text}", remedy=error.remedy) from None
 
 
 def describe(logs: "Sequence[Log]") -> str:

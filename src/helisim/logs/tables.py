@@ -78,8 +78,7 @@ class TimeTable(Source):
             stated = clock.unit or self._unit(name) or (said and said[3]) or known
             return name, time_unit(stated) if stated else self._unit_by_steps(name)
         except InputError as error:
-            remedy = error.remedy or "time"
-            raise InputError(f"{self.path}: {error}", remedy=remedy) from None
+            raise InputError(f"{self.path}: {error}", remedy=error.remedy or "time") from None
 
     def _unit_by_steps(self, name: str) -> str:
         """Return the unit of times that say none, if it is sure: dates, or s. Raises InputError."""

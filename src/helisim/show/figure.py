@@ -200,8 +200,7 @@ def extent(values: Sequence[Real], margin: float = 0.0) -> tuple[float, float]:
     finite = whole[np.isfinite(whole)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     largest = max(abs(low), abs(high))
-    constant = high - low <= _ROUNDING * largest
-    apart = (0.1 * largest or 1.0) if constant else margin * (high - low)
+    apart = margin * (high - low) if high - low > _ROUNDING * largest else 0.1 * largest or 1.0
     return low - apart, high + apart
 
 

@@ -88,8 +88,7 @@ def comparison(shown: ComparisonTable) -> Table:
 def _given(one: GivenValue) -> str:
     error = "" if one.standard_error is None else f" +- {one.standard_error:{_UNCERTAINTY}}"
     unit = "" if one.unit in ("", "1") else f" {one.unit}"
-    value = f"{one.name} {one.value:.4g}{error}{unit}".replace(" ", NO_BREAK)
-    return f"{value} ({one.source})"
+    return f"{one.name} {one.value:.4g}{error}{unit}".replace(" ", NO_BREAK) + f" ({one.source})"
 
 
 def _compared(name: str, row: ParameterRow) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ all gains. Settings and units: design.laws.rotorflight.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.settings import setting_names
+from helisim.base.units import RAD_S_PER_RPM
 from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
@@ -220,6 +221,7 @@ def tune_blackbox(
             "defaults are taken; give a dump of the command line (diff all)"
         )
     records = [record for one in paths for record in read_log(one).records]
+    remarks += _droops(records)
     others = [one for one in paths[1:] if law_of_log(_opened(one), told) != law]
     if others:
         raise LogError(
@@ -317,6 +319,23 @@ def _models(
             wrong |= dict.fromkeys(inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
     return fits, wrong
+
+
+def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
+    """Yield how the rotor's speed falls while the collective is high, by their extreme tenths."""
+    for one in records:
+        if {"rotor_speed", "col"} <= {*one.names} and np.ptp(one["col"]) > 0.0:
+            col, speed = one["col"], one["rotor_speed"] / RAD_S_PER_RPM
+            before, after = (
+                np.mean(speed[some])
+                for some in (col <= np.quantile(col, 0.1), col >= np.quantile(col, 0.9))
+            )
+            yield (
+                f"rotor speed: {np.mean(speed):.0f} rpm, {np.min(speed):.0f} to "
+                f"{np.max(speed):.0f}; {before:.0f} in the lowest tenth of the collective, "
+                f"{after:.0f} in the highest: the governor lets it droop by "
+                f"{100.0 * (1.0 - after / before):.2g} %"
+            )
 
 
 def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
