@@ -251,14 +251,19 @@ class GlfwWindow:
         frame = mujoco.MjrRect(0, 0, *self._glfw.get_framebuffer_size(self._window))
         mujoco.mjr_render(frame, scene, self._context)
         places, font = mujoco.mjtGridPos, mujoco.mjtFont.mjFONT_NORMAL
-        for place, rows in (
-            (places.mjGRID_TOPLEFT, legend),
-            (places.mjGRID_TOPRIGHT, readout),
-            (places.mjGRID_BOTTOMLEFT, ((message, ""),)),
+        for place, part, rows in (
+            (places.mjGRID_TOPLEFT, frame, legend),
+            (places.mjGRID_TOPRIGHT, frame, readout),
+            # top of the lower half: the middle
+            (
+                places.mjGRID_TOP,
+                mujoco.MjrRect(0, 0, frame.width, frame.height // 2),
+                ((message, ""),),
+            ),
         ):
             left, right = ("\n".join(column) for column in zip(*rows))
             if left:
-                mujoco.mjr_overlay(font, place, frame, left, right, self._context)
+                mujoco.mjr_overlay(font, place, part, left, right, self._context)
         self._glfw.swap_buffers(self._window)
 
     def picture(self) -> NDArray[np.uint8]:
