@@ -84,9 +84,10 @@ def main(
     ]
     common.table("axis:<6|figure:<13|flights:8d|inside, %:10.0f|off, median:+12.3f", rows)
     common.table("seed:4d|axis:<6|new gains':<13|predicted:10.2f|exact:8.2f", new)
-    share = 100.0 * np.mean([one for some in held.values() for one in some])
+    each = [one for some in held.values() for one in some]
+    share = 100.0 * np.mean(each or [0.0])
     far = [row for row in new if abs(row[3] - row[4]) > WITHIN.get(row[2], np.inf)]
-    print(f"{share:.0f} % of intervals hold the exact figure; {len(far)} of {len(new)} are far off")
+    print(f"{share:.0f} % of {len(each)} intervals hold; {len(far)} of {len(new)} are far off")
     return int(not 93.0 <= share <= 98.0 or bool(far))
 
 
