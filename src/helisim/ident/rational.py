@@ -20,7 +20,9 @@ _LONGEST, _CYCLES, _LEAD = 0.5, 2.0, 0.3
 
 ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
 """Zeros and poles to try, smallest first."""
-_BETTER, _ENOUGH = 0.5, 0.05  # rms errors of a response: a verdict doubts larger ones
+# Rms errors of a response: a verdict doubts larger ones; times the stated error, within which no
+# third pole is sought
+_BETTER, _ENOUGH, _WITHIN = 0.5, 0.05, 1.2
 _INSIDE = 2.0  # of the band's top, below which all poles must be; slow ones act as integrals there
 FAST = 0.4  # of the band's top, above which an unstable pole stands for a missing lag
 _POINTS = 3  # least frequencies a coefficient
@@ -188,22 +190,24 @@ def _least_squares(rows: Real, damping: Real | None = None) -> Real:
     return solved * size[:, 0, -1:] / size[:, 0, :-1]
 
 
-def order(omega: Real, response: NDArray[np.complex128]) -> tuple[int, int]:
+def order(
+    omega: Real, response: NDArray[np.complex128], error: Real | float = 0.0
+) -> tuple[int, int]:
     """Return zeros and poles of the smallest transfer function that follows a response, (n_freq,).
 
-    Frequencies, (n_freq,) rad/s, increase.
+    Frequencies, (n_freq,) rad/s, increase; errors of magnitude are relative, as of phase in rad.
     """
+    within = max(_ENOUGH, _WITHIN * np.sqrt(2.0 * np.mean(np.square(error))))
     chosen, (best, roots) = ORDERS[0], _tried(omega, response, *ORDERS[0])
     if np.any((roots.real > 0.0) & (np.abs(roots) > FAST * omega[-1])):
         best = max(2.0 * best, 1.01 * _ENOUGH)  # any without such a pole is better
     for zeros, poles in ORDERS[1:]:
-        if best < _ENOUGH or omega.size < _POINTS * (zeros + poles + 1):
+        if omega.size < _POINTS * (zeros + poles + 1) or best < (within if poles > 2 else _ENOUGH):
             break
-        error, roots = _tried(omega, response, zeros, poles)
-        size = np.abs(roots)
-        fast = bool(np.any((roots.real > 0.0) & (size > FAST * omega[-1])))
-        if error < _BETTER * best and not fast and np.all(size < _INSIDE * omega[-1]):
-            chosen, best = (zeros, poles), error
+        left, roots = _tried(omega, response, zeros, poles)
+        highest = np.where(roots.real > 0.0, FAST, _INSIDE) * omega[-1]
+        if left < _BETTER * best and np.all(np.abs(roots) < highest):
+            chosen, best = (zeros, poles), left
     return chosen
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from helisim.base.errors import HelisimError, InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
@@ -321,8 +319,10 @@ def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> str:
         (found,) = estimate_fits(records, [wanted])
     except HelisimError:
         return wanted.structure
-    at = np.flatnonzero(found.usable()[0, 0])
-    return "tf:{}/{}".format(*order(found.frequency[at], found.response[0, 0, at]))
+    at = found.usable()[0, 0]
+    return "tf:{}/{}".format(
+        *order(found.frequency[at], found.response[0, 0, at], found.random_error[0, 0, at])
+    )
 
 
 def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
