@@ -123,6 +123,16 @@ def test_a_state_that_moves_at_first_and_a_drift_take_nothing_from_the_parameter
         assert fit[name].value == pytest.approx(value, rel=3e-3), name
 
 
+@pytest.mark.parametrize(("zeros", "told"), [(0, True), (1, False)])
+def test_an_order_that_the_record_denies_is_told(zeros, told):
+    """A short period without its zero, and with it."""
+    (structure, truth), moves, (noise, step, _, _) = CASES["short period"]
+    order = structures.transfer_function(zeros=zeros, poles=zeros + 1, input="lon", output="q")
+    fit = identify_records(flown(structure, truth, moves, noise, 1, step), order)
+    assert any("follows the record better" in one.text for one in fit.data.evidence) is told
+    assert fit.verdict.word == ("sound", "doubtful")[told]
+
+
 @tabled("changes", "options", "message")
 def test_what_allows_no_fit_is_refused(changes, options, message):
     (structure, truth), moves, (noise, step, _, _) = CASES["short period"]

@@ -114,8 +114,8 @@ def test_a_structure_of_ones_own_is_read_and_identified(tmp_path):
 
 
 NO_STATES = transfer_function(zeros=0, poles=0, input="lat", output="p")
-KNOWN = structures.heave.with_fixed({"Z_w": -1.0}, {"Z_w": 0.1})
-SHAPES = [*structures.BUILT_IN.values(), NO_STATES, KNOWN]
+SHAPES = [NO_STATES, structures.heave.with_fixed({"Z_w": -1.0}, {"Z_w": 0.1})]
+SHAPES += structures.BUILT_IN.values()
 
 
 @pytest.mark.parametrize("structure", SHAPES, ids=lambda one: one.name)

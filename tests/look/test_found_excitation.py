@@ -161,6 +161,7 @@ def test_names_are_understood(heading, channel, unit, sign):
 
 
 def test_what_means_nothing_is_left_alone():
+    assert (named("ail_2.p", "MATLAB").channel, named("ail_2.x", "MATLAB")) == ("p", None)
     for heading in ("roll_setpoint", "battery", "time_ms", "des_pitch", "gps"):
         assert named(heading, "CSV") is None
 
@@ -191,7 +192,9 @@ def test_a_unit_is_guessed_by_size(name, values, unit):
 def test_a_family_has_one_unit_and_what_is_stated_or_given_stays():
     rates = {name: (50.0, size * SWING) for name, size in (("p", 3.0), ("q", 30.0), ("r", 0.1))}
     rates |= {"ax": (50.0, 0.1 * SWING), "az": (50.0, 0.1 * SWING - 1.0)}
+    rates |= {"lon": (50.0, 6.0 * SWING), "lat": (50.0, 0.4 * SWING)}
     found = {name: one.column.unit for name, one in guessed(rates).items()}
+    assert {found.pop(name) for name in ("lat", "lon")} == {"percent"}
     assert found == {"p": "deg/s", "q": "deg/s", "r": "deg/s", "ax": "g", "az": "g"}
     found = guessed(rates, units={"r": "rad/s"}, given={"p": Column("p", "rad/s")})
     assert {name: found[name].column.unit for name in "pqr"} == {

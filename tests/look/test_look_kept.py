@@ -26,7 +26,18 @@ def doublet(path):
     return path
 
 
+def rested(path):
+    """An elevator's 1-2-1, whose answer is slow, beside a rudder that rests; then the ailerons'."""
+    t, noise = np.arange(3000) / 50.0, np.random.default_rng(4).standard_normal((3, 3000))
+    wave = (np.abs(t - 11.0) < 1.0) * np.where(np.abs(t - 11.0) < 0.5, 1.0, -1.0)
+    q = np.convolve(wave, 0.2 * np.exp(-0.04 * np.arange(200)))[:3000] + 0.002 * noise[0]
+    table = np.stack([t, wave, np.roll(wave, 300), 0.01 * noise[1], q, 0.02 * noise[1]], axis=1)
+    np.savetxt(path, table, delimiter=",", header="t,elevator,aileron,rudder,q,r", comments="")
+    return path
+
+
 LOGS = {
+    "rested": lambda to: rested(to / "a.csv"),
     "ardupilot": lambda to: ardupilot(to / "a.bin"),
     "gap": lambda to: anyones(to / "a.csv", gap=True),
     "backwards": lambda to: named(to / "a.csv", "ail_cmd", "roll_rate", scale=-1.0),

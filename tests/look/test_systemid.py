@@ -391,19 +391,10 @@ def test_the_simplest_order_that_follows_is_chosen(response, order, noise):
     assert named(OMEGA, response * spoiled) == order
 
 
-HOVER = np.poly([0.8 + 1.9j, 0.8 - 1.9j, -2.8, -18.0])
-
-
 @tabled("count", "highest", "response", "error", "order")
 def test_an_order_is_what_the_data_tell(count, highest, response, error, order):
     s = 1j * np.geomspace(1.0, highest, count)
     assert named(s.imag, response(s), error) == order
-
-
-@tabled("poles", "order")
-def test_poles_are_near_the_band(poles, order):
-    """To twice its upper edge, 25 rad/s; those below the lower, 1 rad/s, are integrals there."""
-    assert named(OMEGA, 100.0 / np.polyval(np.real(np.poly(poles)), S)) == order
 
 
 # The loops of an ArduCopter-heli's law about a helicopter that is known, from a log of sweeps.

@@ -127,8 +127,8 @@ T = TypeVar("T")
 
 OFF = "off"  # None in TOML and text, where the default isn't None
 INFINITE = "inf"  # infinity in JSON; "-inf" for the other one
-_WHOLE = 2**53  # integers up to it are floats without loss
-_LARGEST = 2**63 - 1  # integers as NumPy and Parquet hold them
+# Integers up to it are floats without loss; integers as NumPy and Parquet hold them
+_WHOLE, _LARGEST = 2**53, 2**63 - 1
 _TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 

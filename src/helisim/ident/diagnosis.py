@@ -94,11 +94,12 @@ _BELIEVED, _NOTHING = 0.999, 1e-4
 _FAR = 5.0  # times the band's top: farther poles are not in the data
 # Times the noise's power, and percent of a response, from which a residual is worth a word
 _RATIO, _PERCENT = 10.0, 5.0
-_EXPLAINED = 0.75  # share of a response's cost at one edge of the band
-_EDGE = 0.34  # of a band's points, that are its edge
+# share of a response's cost at one edge of the band; of a band's points, that are its edge
+_EXPLAINED, _EDGE = 0.75, 0.34
 _DELAY_ERRORS, _EARLY = 3.0, 0.01  # errors, and s (a sample of most logs), that a delay may lead
-_LARGEST_FLAPPING = 0.5  # rad at full travel, 29 degrees: rotors flap by a third of that
-_DOUBTFUL = 0.75  # mean coherence below which a response's data are doubted
+# rad at full travel, 29 degrees: rotors flap by a third of that; mean coherence below which a
+# response's data are doubted
+_LARGEST_FLAPPING, _DOUBTFUL = 0.5, 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,15 +309,17 @@ def implausible(
         value, error = values[one.name]
         least = error if opposed else -max(_DELAY_ERRORS * error, _EARLY)
         if one.name in delay_names(structure) and value < least:
-            yield Note(
+            yield Note.of(
                 "delay",
                 f"{one.name} is {1e3 * value:.3g} +- {1e3 * error:.2g} ms: the answer "
                 + (
-                    "doesn't follow its cause, and opposes it, as what a controller answers"
+                    "doesn't follow its cause, and opposes it, as what a controller answers; if "
+                    "only the sign is another, as of an elevator, turn the input (sign=-1)"
                     if opposed
-                    else "leads its cause"
-                )
-                + "; the columns' times differ, or the input is not what drives it",
+                    else "leads its cause; the columns' times differ, or the input is not what "
+                    "drives it"
+                ),
+                remedy="channel" if opposed else "",
             )
         if one.unit == "rad" and travel * (abs(value) - error) > _LARGEST_FLAPPING:
             yield Note(

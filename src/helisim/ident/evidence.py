@@ -8,12 +8,13 @@ other, on-axis with off-axis responses, swept with quiet stretches, samples with
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import accumulate, permutations, product
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.special import gammaincc
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.note import Note
@@ -35,13 +36,18 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
 # mean of both; that may be wrong where it makes much: linear vehicles have 1 % of that at most
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
-_UNKNOWN = 0.5  # relative error of a response from which what it leaves tells nothing
-_DIFFERENT = 0.05  # rms of a response's relative difference between records
+_RARE, _PLAY = 3e-5, 0.14  # chance of what is told of powers; a play tried, of an input's rms
+# relative error of a response from which what it leaves tells nothing; rms of a response's relative
+# difference between records
+_UNKNOWN, _DIFFERENT = 0.5, 0.05
 # To compare two responses: of an input's power behind one, what is behind the other at least; times
 # its variance a squared response
 _DRIVEN, _LOUD = 0.1, 9.0
 # Share of samples in which an output may be frozen; of an input's whole motion, within such a run
 _STILL, _MOVES = 0.01, 0.2
+# Of half a period, in which an input moves before an output, and rests while that moves; shares
+# of their motion that are rest: controllers by rates move 0.01 to 0.15, or rest for 0 to 0.1 of it
+_BRIEF, _Y_RESTS, _U_RESTS = (0.15, 0.5), 0.1, 0.03
 _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of changes at its ticks
 # Share of samples that may lie on straight lines; so many in a row, in all channels, were filled
 _FILLED, _STRAIGHT = 0.005, 3
@@ -72,6 +78,7 @@ def evidence(
             # noise in the inputs is in their cubes, too, and so are straight lines
             *(() if lost or fed else _nonlinear(flights, frf, inputs, frf)),
             *_halves(flights, frf, inputs),
+            *(_driven(flights, frf) if frf.opposed else ()),
             *(() if fed else (*_drift(flights, frf, inputs, len(frf.inputs)), *loop)),
         )
 
@@ -235,8 +242,8 @@ def _nonlinear(
 
     The cube's part that goes with the input is in the response; what is left of it has the
     response's error, so that its share follows: a sweep's cube has three times its frequency.
-    Cubes are of the inputs, and of outputs as `model` makes them; an input's size |u| moves what
-    answers the input by more to one side than to the other.
+    Cubes are of the inputs, and of outputs as `model` makes them; play is what an input moves
+    before anything follows; its size |u| moves what answers it by more to one side.
     """
     made, why = _with_powers(flights, frf, inputs, model)
     lines = flight_lines(made, made[0].names, float(frf.frequency[-1]))
@@ -258,18 +265,23 @@ def _nonlinear(
             own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
             weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
             count = np.count_nonzero(ok)
-            chance = float(np.sum((bands.fit.freedom * coherence)[ok])) - count
+            # -ln of the chance of each band's, whose sum has a Gamma distribution by chance
+            chance = -float(np.sum(((bands.fit.freedom - 1.0) * np.log1p(-coherence))[ok]))
             share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
                 np.count_nonzero(weight * np.abs(part)), 1
             )
-            if count and chance > _SURE * math.sqrt(count) and abs(share) > (_BENT, _UNEVEN)[even]:
+            rare = count and gammaincc(count, chance) < _RARE
+            if rare and abs(share) > (_BENT, _UNEVEN)[even]:
                 text = (
                     f"the size of {why[name]} moves it, too: {why[name]} does "
                     f"{200.0 * abs(share):.2g} % more to one side than to the other, and the model "
                     "has the mean of both"
                     if even
-                    else f"the cube of {why[name]} explains what no linear response does; {output} "
-                    f"would be {abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
+                    else f"{why[name]} explains what no linear response does: a linkage or a servo "
+                    "follows it late on each way back"
+                    if name.endswith("_")
+                    else f"{why[name]} explains what no linear response does; {output} would be "
+                    f"{abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
                     f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
                     "friction"
                 )
@@ -297,16 +309,24 @@ def _with_powers(
         for name in inputs:
             u = one[name] - one[name].mean()
             columns[f"|{name}|"], why[f"|{name}|"] = np.abs(u), name
-            columns[f"{name}^3"], why[f"{name}^3"] = u**3, name
-            columns[f"{name}'^3"], why[f"{name}'^3"] = np.gradient(u, step) ** 3, f"{name}'s speed"
+            columns[f"{name}^3"], why[f"{name}^3"] = u**3, f"the cube of {name}"
+            columns[f"{name}'^3"] = np.gradient(u, step) ** 3
+            why[f"{name}'^3"] = f"the cube of {name}'s speed"
+            columns[f"{name}_"], why[f"{name}_"] = _within(u, _PLAY * u.std()), f"play in {name}"
         for name, y in zip(frf.outputs, _predicted(one, model).T if model else ()):
-            columns[f"{name}^3"], why[f"{name}^3"] = y**3, name
+            columns[f"{name}^3"], why[f"{name}^3"] = y**3, f"the cube of {name}"
         signals = (*inputs, *frf.outputs)
         values = np.column_stack([one.select(signals), *columns.values()])
         channels = [one.channels[one.names.index(name)] for name in signals]
         channels += [Channel(name, "1", "OTHER", name) for name in columns]
         made.append(FlightRecord(one.time, values, tuple(channels)))
     return made, why
+
+
+def _within(u: Real, play: float) -> Real:
+    """Return where u, (n_time,), is within a play that it drags along, -play to play."""
+    moves = np.diff(u, prepend=u[0]).tolist()
+    return np.array([*accumulate(moves, lambda at, by: min(max(at + by, -play), play))])
 
 
 def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
@@ -410,6 +430,28 @@ def _differing(
             relative = math.sqrt(np.mean(gap[at, o, i] / np.abs(mean[at, o, i]) ** 2))
             if chance > _SURE * math.sqrt(2.0 * count) and relative > _DIFFERENT:
                 yield f"{output}/{name}", 100.0 * relative
+
+
+def _driven(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator[Note]:
+    """Yield an input that moves while an output rests, and rests while it moves.
+
+    No controller of that output does both: by attitude it moves too slowly, by its rate's slope it
+    never rests. Shares are of each signal's whole motion.
+    """
+    half = math.pi / math.sqrt(frf.frequency[0] * frf.frequency[-1])  # of the band's middle
+    for one, name, output in product(flights, frf.inputs, frf.outputs):
+        u, y = (one[each] / max(np.ptp(one[each]), 1e-300) for each in (name, output))
+        few, more = (max(round(share * half / one.sample_time), 2) for share in _BRIEF)
+        if len(one) < max(2 * few, more):
+            continue
+        mean = sliding_window_view(u, few).mean(axis=1)
+        moves = np.abs(mean[few:] - mean[:-few])
+        moves = moves[np.ptp(sliding_window_view(y, 2 * few), axis=1) < _Y_RESTS]
+        rests = np.ptp(sliding_window_view(u, more), axis=1) < _U_RESTS
+        swings = np.ptp(sliding_window_view(y, more), axis=1)[rests]
+        if min(moves.max(initial=0.0), swings.max(initial=0.0)) > _MOVES:
+            yield Note("driven", f"{name} is moved by hand or a script, not by {output} alone")
+            return
 
 
 def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[Note]:

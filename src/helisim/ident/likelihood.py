@@ -12,7 +12,7 @@ Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from scipy.linalg import eigvals
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError
+from helisim.base.note import Note
 from helisim.base.settings import Limits, convert
 from helisim.ident.bounds import Accuracy
 from helisim.ident.conditions import Conditions
@@ -43,6 +44,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.search import linear_parameters, minimum, scattered
 from helisim.ident.structure import Structure
+from helisim.ident.transfer import rational_form, transfer_function
 from helisim.ident.windows import lowest_line
 from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.record import FlightRecord, one_blas_thread, plain
@@ -58,6 +60,9 @@ _SAME, _CROWD, _FLIPPED, _MOSTLY = 1e-4, 4, 0.2, 0.9
 # Least singular value, over the largest, of what can be told apart; deviations by which a parameter
 # must move the residuals to be seen; residual of an undefined model
 _APART, _FAINT, _HOPELESS = 1e-7, 1e-3, 1e3
+# Poles up to which one more is tried, by so many starts; twice the log likelihood that it gains of
+# what noise doesn't explain: it gave 4 at most of 27 right orders, 100 and more of wrong ones
+_HIGHEST, _FEW, _LACKS = 3, 4, 20.0
 _GROWTH = math.log(1e6)  # logarithm of a motion's growth within a record that no flight shows
 # Lines over which the residuals' spectrum is averaged; as of a local estimate, no coherence is
 # larger than so many averages would show
@@ -124,7 +129,7 @@ def identify_records(
         dropped=(),
         converged=converged,
         searches_agreeing=agreeing,
-        data=replace(data, evidence=evidence(flights, data, data)),
+        data=replace(data, evidence=(*evidence(flights, data, data), *_lacking(of, seed))),
         options=plain(
             {"band_rad_s": band, "searches": searches, "seed": seed, "lines": of.lines.omega.size}
         ),
@@ -371,6 +376,25 @@ def _solved(of: _Likelihood, x: Real) -> tuple[float, Real]:
         one[gains] -= change
         found.append((float(np.sum((residual - jacobian @ change) ** 2)), np.clip(one, *of.limits)))
     return min(found, key=lambda end: end[0])
+
+
+def _lacking(of: _Likelihood, seed: int) -> Iterator[Note]:
+    """Yield a transfer function of one more zero and pole that explains what noise does not."""
+    form = rational_form(of.structure)
+    if form is None or of.structure.free != of.structure.parameters or form.poles > _HIGHEST:
+        return
+    (input_,), (output,) = of.structure.inputs, of.structure.outputs
+    order = {"zeros": form.zeros + 1, "poles": form.poles + 1, "delay": form.delay}
+    other = _Likelihood(transfer_function(**order, input=input_, output=output), of.lines)
+    _search(other, _FEW, seed, lambda _: None)
+    sharper = np.linalg.slogdet(other.white)[1] - np.linalg.slogdet(of.white)[1]
+    if (gain := 4.0 * of.lines.omega.size * float(sharper)) > _LACKS:
+        yield Note(
+            "residual",
+            f"tf:{order['zeros']}/{order['poles']} follows the record better, by {gain:.3g} in "
+            "twice the log likelihood, where noise gives 4: modes and coefficients can be off by "
+            "more than their errors say",
+        )
 
 
 def _refuse_growth(structure: Structure, values: dict[str, float], duration: float) -> None:

@@ -6,6 +6,7 @@ by Sanathanan and Koerner (IEEE Trans. Automatic Control 8, 1963) at each delay,
 free delays. Frequencies are scaled by the band's geometric mean.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +20,14 @@ STEP = 0.5  # rad: phase between delays of a grid at the band's top
 _LONGEST, _CYCLES, _LEAD = 0.5, 2.0, 0.3
 
 ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
+OF_FORCES = ((1, 1), (1, 2), (2, 3))  # that act before the vehicle moves
 """Zeros and poles to try, smallest first."""
 # Rms errors of a response: a verdict doubts larger ones; times the stated error, within which no
 # third pole is sought
 _BETTER, _ENOUGH, _WITHIN = 0.5, 0.05, 1.2
-_INSIDE = 2.0  # of the band's top, below which all poles must be; slow ones act as integrals there
-FAST = 0.4  # of the band's top, above which an unstable pole stands for a missing lag
+# of the band's top, below which all poles must be; slow ones act as integrals there; of the band's
+# top, above which an unstable pole stands for a missing lag
+_INSIDE, FAST = 2.0, 0.4
 _POINTS = 3  # least frequencies a coefficient
 
 
@@ -191,17 +194,20 @@ def _least_squares(rows: Real, damping: Real | None = None) -> Real:
 
 
 def order(
-    omega: Real, response: NDArray[np.complex128], error: Real | float = 0.0
+    omega: Real,
+    response: NDArray[np.complex128],
+    error: Real | float = 0.0,
+    orders: Sequence[tuple[int, int]] = ORDERS,
 ) -> tuple[int, int]:
     """Return zeros and poles of the smallest transfer function that follows a response, (n_freq,).
 
     Frequencies, (n_freq,) rad/s, increase; errors of magnitude are relative, as of phase in rad.
     """
     within = max(_ENOUGH, _WITHIN * np.sqrt(2.0 * np.mean(np.square(error))))
-    chosen, (best, roots) = ORDERS[0], _tried(omega, response, *ORDERS[0])
+    chosen, (best, roots) = orders[0], _tried(omega, response, *orders[0])
     if np.any((roots.real > 0.0) & (np.abs(roots) > FAST * omega[-1])):
         best = max(2.0 * best, 1.01 * _ENOUGH)  # any without such a pole is better
-    for zeros, poles in ORDERS[1:]:
+    for zeros, poles in orders[1:]:
         if omega.size < _POINTS * (zeros + poles + 1) or best < (within if poles > 2 else _ENOUGH):
             break
         left, roots = _tried(omega, response, zeros, poles)

@@ -199,7 +199,9 @@ class Fit(Checked, Value, Displayed):
                 poles,
                 self.data.line,
                 self.data.conditions.full,
-                not self.data.reference and self.data.opposed,
+                not self.data.reference
+                and self.data.opposed
+                and all(one.kind != "driven" for one in self.data.evidence),
             ),
             *self.omitted,
             *([doubt] if doubt and not self.degenerate else []),

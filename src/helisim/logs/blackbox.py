@@ -57,7 +57,13 @@ _OTHERS: dict[str, dict[str, Sequence[str]]] = {
     "Rotorflight 4.2": {"col": ("rcCommand[4]",), "COL": ()},
     "Rotorflight": {},
     "INAV": dict.fromkeys(_CHANNELS, ()),  # whose axes were not looked at
-    "": {"col": ("setpoint[3]",), "COL": ()},
+    "": {
+        **{"col": ("setpoint[3]",), "COL": ()},
+        **{
+            name: (f"setpoint[{k}]", f"rcCommand[{k}]")
+            for k, name in enumerate(("LAT", "LON", "PED"))
+        },
+    },
 }
 """Firmware -> fields that differ in it; without a mixer, a controller's sum is the command."""
 _TURNED = ("lon", "ped", "LON", "PED", "q", "r", "theta", "ay", "az")

@@ -130,6 +130,8 @@ class TextLog(TimeTable):
         )
         rows = self._read(lines[first:], first + 1, delimiter)
         names = list(layout.names) or rows.pop(0)[1]
+        if delimiter == " ":  # "p [deg/s]" is one name
+            names = re.sub(r" (?=[\[(])", "", " ".join(names)).split(" ")
         if all(_is_number(self._point(cell)) for cell in names):
             raise StorageError(
                 f"{path}, line {first + 1}: numbers, expected the columns' names; give the names "
@@ -137,7 +139,8 @@ class TextLog(TimeTable):
                 remedy=Option("names", "A,B,..."),
             )
         below = rows[0][1] if rows and not (layout.names or layout.skip) else []
-        if below and all(is_unit(one) or one.lower() in _OF_TIME for one in below):
+        units = [one for one in below if is_unit(one) or one.lower() in _OF_TIME]
+        if 2 * len(units) > len(below) and not any(_is_number(self._point(one)) for one in below):
             names = [f"{name} [{unit}]" for name, unit in zip(names, rows.pop(0)[1])]
         super().__init__(path, names, self.findings)
         self._cells = [cells for _, cells in rows[layout.skip :]]
@@ -347,7 +350,8 @@ class ArrayLog(TimeTable):
             )
         self._columns, self._count = dict(zip(names or map(shown, kept), kept.values())), count
         left = [name for name, values in columns if values.size != count]
-        said = (f"{name}: of another length than the other arrays" for name in left)
+        some = Counter(name.rpartition(".")[0] or name for name in left)  # of a structure, once
+        said = (f"{name}: {n} of another length than the other arrays" for name, n in some.items())
         super().__init__(path, tuple(self._columns), [LogFinding("left out", one) for one in said])
 
     def _numbers(self, name: str) -> NDArray[np.float64]:

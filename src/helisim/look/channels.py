@@ -28,6 +28,7 @@ _PERCENT, _FAST = 105.0, 8.0
 _GRAVITIES = {one: STANDARD_GRAVITY / UNITS[one].factor for one in ("m/s^2", "g", "mg", "ft/s^2")}
 _NO_MOVE = 1e-9
 _UNSAID = "SI, for lack of another word"
+_IN_PERCENT, _AS_IT_IS = "percent", "without dimension"
 
 
 class Named(NamedTuple):
@@ -172,6 +173,8 @@ def named(heading: str, log_format: str) -> Named | None:
     """Return the meaning of a column's heading, None if unknown."""
     if log_format in EXACT:
         return EXACT[log_format].get(heading)
+    if log_format == "MATLAB" and "." in heading:  # of a structure, whose name means nothing
+        return named(heading.rpartition(".")[2], log_format)
     bare, bracketed = split_heading(heading)
     implied = unit(bracketed).name if bracketed and is_unit(bracketed) else None
     if bare in _OWN:
@@ -364,12 +367,12 @@ def _control(unit: str | None, known: Real) -> tuple[dict[str, Any], str]:
         (
             unit == "percent" or (unit is None and UNITISED < size <= _PERCENT),
             {"unit": "percent"},
-            f"percent: {reaches}",
+            f"{_IN_PERCENT}: {reaches}",
         ),
         (
             bare and size <= (_PERCENT if unit else UNITISED),
             {"unit": "1"},
-            f"without dimension: {reaches}",
+            f"{_AS_IT_IS}: {reaches}",
         ),
         (
             unit is not None and UNITS[unit].si == "rad",
@@ -400,6 +403,18 @@ def _by_size(channel: str, known: Real) -> tuple[str, str]:
 
 def _same_family(seen: tuple[SeenChannel, ...]) -> tuple[SeenChannel, ...]:
     units = {name: one.column.unit for one in seen if one.name == "az" for name in ("ax", "ay")}
+    sides = [one for one in seen if one.name in ("lat", "lon", "ped")]
+    percent = any(f"; {_IN_PERCENT}: " in one.why for one in sides)
+    seen = tuple(
+        replace(
+            one,
+            column=replace(one.column, unit="percent"),
+            why=f"{one.why.rpartition(';')[0]}; percent, as the others are by their size",
+        )
+        if percent and one in sides and f"; {_AS_IT_IS}: " in one.why
+        else one
+        for one in seen
+    )
     for family in (RATES, ATTITUDES):
         sized = [one.column.unit for one in seen if one.name in family and one.sized]
         large = [unit for unit in sized if unit in ("deg", "deg/s")]

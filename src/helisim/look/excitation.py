@@ -27,26 +27,33 @@ from helisim.records.record import (
 
 Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
-_LEAST_SAMPLES = 50  # of a record that is looked at
-_LONGEST_BLOCK = 5.0  # s, block to count as active; 1/20 of short logs
-_ACTIVE = 0.3  # of what it moves in its liveliest blocks, from which a control is active
-_QUIET = 0.6  # of its liveliest blocks, that its quietest move at most where they are noise
+# of a record that is looked at; s, block to count as active; 1/20 of short logs
+_LEAST_SAMPLES, _LONGEST_BLOCK = 50, 5.0
+# of what it moves in its liveliest blocks, from which a control is active; of its liveliest blocks,
+# that its quietest move at most where they are noise
+_ACTIVE, _QUIET = 0.3, 0.6
 _BEGUN, _CLEAR = 0.1, 4.5  # share of its span, multiple of the noise at rest
-_REST = 6.0  # s, for which an excitation may rest in between, as a slow sweep does
-_REST_SHARE = 0.1  # of the log, that a control must rest for its resting place to be known
-_HYSTERESIS = 0.3  # of the amplitude, beyond which a half-wave begins
-_RISING = 0.75  # rank correlation of frequency and time from which a signal is a sweep
+# s, for which an excitation may rest in between, as a slow sweep does; of the log, that a control
+# must rest for its resting place to be known
+_REST, _REST_SHARE = 6.0, 0.1
+# of the amplitude, beyond which a half-wave begins; rank correlation of frequency and time from
+# which a signal is a sweep
+_HYSTERESIS, _RISING = 0.3, 0.75
 _SPAN, _FEWEST_WAVES = 2.5, 8  # of highest to lowest frequency, from which a signal is a sweep
 _FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
-_SHAPES: dict[int, Kind] = {1: "pulse", 2: "doublet", 4: "3-2-1-1"}  # by half-waves
+_SHAPES: dict[int, Kind] = {1: "pulse", 2: "doublet", 3: "doublet", 4: "3-2-1-1"}  # by half-waves
 _DOUBLET_BAND = (1.0, 3.3)  # of the half-wave's inverse, rad: where a doublet has most of its power
 _POWER = (0.03, 0.97)  # shares of a motion's power between which its band is
-WINDOWS = 5.0  # of an excitation's length, windows that don't overlap; nine that do
+# Of an excitation's length, windows that don't overlap, nine that do; of a doublet's or 3-2-1-1's,
+# whose power is below what a fifth resolves
+WINDOWS, _OF_SHAPES = 5.0, 3.0
 SAMPLES_A_PERIOD = 10.0
-_SMOOTHED = 5  # frequencies of the coherence's running median
-_NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a line
-_LEAST_EVENTS = 1.5  # windows that a motion is spread among, at least
-_LEAST_SHARE = 0.1  # of a control's power: what is coherent with less doesn't answer what moved it
+# frequencies of the coherence's running median; of highest to lowest frequency, from which a band
+# is worth a line
+_SMOOTHED, _NARROWEST = 5, 2.0
+# windows that a motion is spread among, at least; of a control's power: what is coherent with less
+# doesn't answer what moved it
+_LEAST_EVENTS, _LEAST_SHARE = 1.5, 0.1
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 # partial coherence of control and motion in a closed loop; share of what inputs leave of outputs
 # power, by chance a sixth (one over the windows), from which another control's part is taken out
@@ -209,7 +216,8 @@ def _answer(
     part: FlightRecord, excited: FoundExcitation, output: str, rates: Mapping[str, float]
 ) -> list[FoundAnswer]:
     step = part.duration / (len(part) - 1)
-    omega, cross = _cross_spectra(part.select((excited.channel, output)), step)
+    few = WINDOWS if excited.kind in ("motion", "sweep") else _OF_SHAPES
+    omega, cross = _cross_spectra(part.select((excited.channel, output)), step, few)
     coherence = between(cross)[0, 1]
     padded = np.pad(coherence, _SMOOTHED // 2, mode="edge" if omega.size else "constant")
     smooth = np.median([padded[k : k + omega.size] for k in range(_SMOOTHED)], axis=0)
@@ -240,9 +248,9 @@ def _answer(
     ]
 
 
-def _cross_spectra(columns: Real, step: float) -> tuple[Real, Complex]:
+def _cross_spectra(columns: Real, step: float, windows: float) -> tuple[Real, Complex]:
     """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel)."""
-    length, width = 2 * int(columns.shape[0] / (2.0 * WINDOWS)), columns.shape[1]
+    length, width = 2 * int(columns.shape[0] / (2.0 * windows)), columns.shape[1]
     if length < 32:
         return np.empty(0), np.empty((0, width, width), np.complex128)
     parts = window_transforms(columns, length)[:, 1:]
@@ -266,7 +274,7 @@ def beside(
 
 def _share(record: FlightRecord, names: Sequence[str], n: int) -> float:
     """Return the power's share of which signal n explains one behind it, beyond the first n."""
-    _, cross = _cross_spectra(record.select(names), record.duration / (len(record) - 1))
+    _, cross = _cross_spectra(record.select(names), record.duration / (len(record) - 1), WINDOWS)
     left = _left(cross, n)
     power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
     share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
@@ -290,7 +298,7 @@ def loops(
         if one is None or stick not in record:
             continue
         columns = record.select((stick, actuator, one.output))
-        omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1))
+        omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1), WINDOWS)
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
         cross = cross[(omega >= one.low) & (omega <= min(one.high, resolved))]
         explained, partial = between(cross)[0, 1], between(_left(cross, 1))[0, 1]

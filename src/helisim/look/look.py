@@ -10,7 +10,7 @@ from typing import Any
 from helisim.base.errors import HelisimError, InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
-from helisim.ident.rational import order
+from helisim.ident.rational import OF_FORCES, ORDERS, order
 from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
@@ -31,7 +31,7 @@ from helisim.look.opened import SHORT, LogLook, alone, opened
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import InferredFit, estimate_fits
 from helisim.records.quality import ANGLES
-from helisim.records.record import IN1, IN2, RATES, STICKS, FlightRecord
+from helisim.records.record import ACCELERATIONS, IN1, IN2, RATES, STICKS, FlightRecord
 
 _STRUCTURES = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q")),
@@ -150,13 +150,12 @@ def _looked(log: LogLook) -> LogLook:
     if not found:  # what moved for a short while may have moved all along
         events = {one.channel: one for one in excited if one.kind != "motion"}
         kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
-        excited = tuple(
-            filter(None, (whole(record, one, kinds.get(one, "motion")) for one in there))
-        )
+        excited = _main(whole(record, one, kinds.get(one, "motion")) for one in there)
         found = answers(record, excited, rates)
         if found and found[0].input in events:
+            found = tuple(one for one in found if one.input == found[0].input)
             excited = tuple(events.values())
-            said.append(_event(events.pop(found[0].input), tuple(events)))
+            said.append(_event(events.pop(found[0].input), tuple(events.values())))
     own = {
         *((a.input, a.opposes) for a in found if a.output in _OWN.get(a.input, ())),
         *((one.channel, one.kind) for one in excited),
@@ -188,13 +187,19 @@ def _looked(log: LogLook) -> LogLook:
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
 
 
-def _event(one: FoundExcitation, others: Sequence[str]) -> LogFinding:
+def _event(one: FoundExcitation, others: Sequence[FoundExcitation]) -> LogFinding:
     """Return how to take a control's single event by itself, where others moved, too."""
-    limits = {"from": max(one.start - _BEFORE, 0.0), "to": one.stop + _AFTER}
+    before = [each.stop for each in others if each.stop < one.start]
+    after = [each.start for each in others if each.start > one.stop]
+    limits = {
+        "from": max(one.start - _BEFORE, 0.0, *before),
+        "to": min(one.stop + _AFTER, *after, math.inf),
+    }
+    then = [each.channel for each in others if each.start <= one.stop and each.stop >= one.start]
     return LogFinding(
         "event",
         f"{one.channel} moved in one {one.kind} alone: what answers is taken by itself"
-        + f"; {', '.join(others)} moved then, too, whose part can't be told from it" * bool(others),
+        + f"; {', '.join(then)} moved then, too, whose part can't be told from it" * bool(then),
         tuple(Option(name, f"{at:.4g}") for name, at in limits.items()),
     )
 
@@ -296,7 +301,7 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         if isinstance(cut, Option)
     ]
     low, high = _band(used, inputs, outputs, joint=not columns or bool(sticks))
-    if transfer and outputs[0] in RATES:
+    if transfer and outputs[0] in (*RATES, *ACCELERATIONS):
         wanted = InferredFit(structure, inputs, outputs, tuple(held), sticks, (low, high), "")
         structure = _followed([part for one in used for part in one.records], wanted)
     short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
@@ -320,8 +325,15 @@ def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> str:
     except HelisimError:
         return wanted.structure
     at = found.usable()[0, 0]
+    if not at.any():
+        return wanted.structure
     return "tf:{}/{}".format(
-        *order(found.frequency[at], found.response[0, 0, at], found.random_error[0, 0, at])
+        *order(
+            found.frequency[at],
+            found.response[0, 0, at],
+            found.random_error[0, 0, at],
+            ORDERS if wanted.outputs[0] in RATES else OF_FORCES,
+        )
     )
 
 
@@ -337,7 +349,15 @@ def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str,
         driven = all(any((i, o) in have for i in inputs) for o in outputs)
         if heli and driven and all(any((i, o) in have for o in outputs) for i in inputs):
             return name, inputs, outputs
-    best = max(known, key=lambda a: (a.output in RATES, a.input in IN1, a.coherence))
+    best = max(
+        known,
+        key=lambda a: (
+            a.output in RATES,
+            a.input in IN1,
+            a.output in _OWN.get(a.input, ()),
+            a.coherence,
+        ),
+    )
     return best.structure, (best.input,), (best.output,)
 
 

@@ -36,8 +36,8 @@ COLOURS = {
     **_INKS,
     **_GROUNDS,
 }
-_PRETTY = (1.0, 2.0, 5.0)  # steps between ticks, times a power of ten
-_ROUNDING = 1e-9  # relative range below which values count as constant
+# Steps between ticks, times a power of ten; relative range below which values count as constant
+_PRETTY, _ROUNDING = (1.0, 2.0, 5.0), 1e-9
 
 WIDTH = 400.0  # width of a drawing in its own units
 # units around the panels: tick labels, title, the horizontal axis

@@ -324,8 +324,8 @@ class Pilot:
         )
 
 
-_LEARNS = 5.0  # s over which the steady flight is averaged
-_SOFT = 0.1  # rad/s of holding a place, far below what is swept
+# S over which the steady flight is averaged; rad/s of holding a place, far below what is swept
+_LEARNS, _SOFT = 5.0, 0.1
 _LEAN, _CLIMB = math.radians(3.0), 0.05  # Most of lean, rad, and thrust for holding a place
 _HEAVE = 0.03  # Thrust over a velocity down, s/m
 
