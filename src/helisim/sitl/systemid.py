@@ -13,8 +13,8 @@ from helisim.base.settings import check, setting
 from helisim.sitl.pilot import Hold, Pilot, Steps
 
 HEIGHT = 50.0  # m, where sweeps are flown, far from the ground's effect
-_DELAY = 1.0  # s that the mode waits before it sweeps
-_AFTER = 2.0  # s after a sweep until the pilot takes over
+# S that the mode waits before it sweeps; s after a sweep until the pilot takes over
+_DELAY, _AFTER = 1.0, 2.0
 _FARTHEST = 30.0  # m from its beginning, at which a sweep is ended
 _FADES = (5.0, 2.0)  # s, in and out
 

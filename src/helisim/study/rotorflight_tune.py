@@ -310,6 +310,8 @@ def _models(
             (estimate,) = estimate_fits(records, [wanted])
             own = structures.named(structure)
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
+            if blind := [k for k, x in fit.parameters.items() if math.isinf(x.standard_error)]:
+                raise IdentificationError(f"the flight does not show {', '.join(blind)}")
         except (IdentificationError, InputError) as error:
             remarks.append(f"no model of {words}: {error}; {_FLY}")
             continue
