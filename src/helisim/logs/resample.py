@@ -26,7 +26,7 @@ _MAX_EXPANSION = 1_000  # Most numbers of the fine grid for one of the log's, ab
 _FASTER = 1.01  # of the grid's rate: a log up to this needs no filter
 _SLOW = 1.5  # median steps: a slower channel has its own longest step
 # Gaps of a logger that drops samples: their least number, and the share shorter than so many s.
-_MANY, _MOST, _SHORT = 20, 0.95, 0.1
+_MANY, _MOST, _SHORT, _SHORT_STEPS = 20, 0.95, 0.1, 10.0
 
 
 class Cut(NamedTuple):
@@ -149,7 +149,9 @@ def _report_gaps(samples: Samples, gaps: Real, options: Options, findings: Findi
     )
     advice, remedy = "split the log at its gaps with the repair 'gaps'", "repair=gaps"
     usual = float(np.quantile(widths, _MOST))
-    if widths.size >= _MANY and usual <= _SHORT:
+    if widths.size >= _MANY and usual <= max(
+        _SHORT, _SHORT_STEPS * float(np.median(np.diff(time)))
+    ):
         allowed = float(f"{1.1 * usual:.2g}")
         advice = (
             "most are short, as of a logger that drops samples: bridge those of up to "
