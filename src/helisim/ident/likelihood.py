@@ -339,7 +339,8 @@ def _search(
         crowd = [np.array([one.start for one in of.structure.free])]
         if found:
             crowd = [scattered(of.structure, random, _FLIPPED) for _ in range(_CROWD)]
-        starts = [_solved(of, np.clip(one, *of.limits)) for one in crowd]
+        # by all delays, and by its own alone: poles that are far off may fit a delay that is, too
+        starts = [_solved(of, np.clip(one, *of.limits), not len(found) % 2) for one in crowd]
         found.append(_descended(of, min(starts, key=lambda one: one[0])[1]))
         on_progress(of.structure.name)
         found.sort(key=lambda one: one[0])
@@ -360,14 +361,14 @@ def _descended(of: _Likelihood, x: Real) -> tuple[float, Real, bool]:
     return float(end.cost), end.x, end.status > 0
 
 
-def _solved(of: _Likelihood, x: Real) -> tuple[float, Real]:
-    """Return the least squares of x, (n_free,), with all delays alike and the gains solved."""
+def _solved(of: _Likelihood, x: Real, delays: bool) -> tuple[float, Real]:
+    """Return the least squares of x, (n_free,), with the gains solved, and `delays` tried alike."""
     late = [k for k, name in enumerate(of.names) if name in delay_names(of.structure)]
     gains, found = linear_parameters(of.structure), []
     order = np.argsort(of.lines.omega)
     power = np.cumsum(np.sum(np.abs(of.lines.inputs[order]) ** 2, axis=1))
     reached = of.lines.omega[order[: np.searchsorted(power, _MOSTLY * power[-1]) + 1]]
-    for delay in [None, *(delay_grid(reached) if late else ())]:
+    for delay in [None, *(delay_grid(reached) if late and delays else ())]:
         one = x.copy()
         one[late] = x[late] if delay is None else delay
         one = np.clip(one, *of.limits)

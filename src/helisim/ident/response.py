@@ -181,9 +181,9 @@ class FrequencyResponse(Value, Displayed):
 
     @property
     def line(self) -> float:
-        """Spacing of the longest record's lines, rad/s; 0 if it is unknown."""
+        """Spacing of the longest record's lines, rad/s; 0 if it is unknown or nothing smears."""
         longest = max((stop - start for _, start, stop in self.spans), default=0.0)
-        return 2.0 * math.pi / longest if longest else 0.0
+        return 2.0 * math.pi / longest if longest and self.estimator != "likelihood" else 0.0
 
     def index(self, output: str, input_: str) -> tuple[int, int]:
         """Return a pair's indices in the arrays. Raises UnknownNameError."""
