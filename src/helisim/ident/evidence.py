@@ -36,7 +36,9 @@ _OWN_PART = 0.02  # of a cube's power that no input explains; a sine's third har
 # Shares of a response: that its signals' size may change; by which one side's may differ from the
 # mean of both; that may be wrong where it makes much: linear vehicles have 1 % of that at most
 _BENT, _UNEVEN, _GROWS = 0.03, 0.04, 0.15
-_RARE, _PLAY = 3e-5, 0.14  # chance of what is told of powers; a play tried, of an input's rms
+# Chance of what is told of powers; a play tried, of an input's rms; share of an output's power that
+# an input makes, whose sides are looked at
+_RARE, _PLAY, _MINOR = 3e-5, 0.14, 0.1
 # relative error of a response from which what it leaves tells nothing; rms of a response's relative
 # difference between records
 _UNKNOWN, _DIFFERENT = 0.5, 0.05
@@ -253,9 +255,14 @@ def _nonlinear(
         bands = _bands(lines, inputs, (*frf.outputs, *names), frf)
         n_out, left = len(frf.outputs), bands.fit.residual
         power_of = _power(lines, lines.places((*frf.outputs, *names)), bands.frequency)
+        drive = _power(lines, lines.places(inputs), bands.frequency)
+        moved = np.nansum(np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None], axis=0)
+        mainly = moved >= _MINOR * moved.max(axis=1, keepdims=True)  # (n_out, n_in)
         for (o, output), (c, name) in product(
             enumerate(frf.outputs), enumerate(names, start=n_out)
         ):
+            if even and not mainly[o, inputs.index(why[name])]:
+                continue  # sides of what hardly moves it bias nothing
             power = np.maximum(np.real(left[:, o, o] * left[:, c, c]), 1e-300)
             coherence = np.abs(left[:, o, c]) ** 2 / power
             slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
@@ -302,11 +309,21 @@ def _with_powers(
     inputs: Sequence[str],
     model: FrequencyResponse | None,
 ) -> tuple[list[FlightRecord], dict[str, str]]:
-    """Return records with sizes and cubes of inputs, cubes of speeds and predicted outputs."""
-    made, why = [], {}
+    """Return records with sizes and cubes of inputs, cubes of speeds and predicted outputs.
+
+    What a conditioning input does besides, or its reference, is noise, and biases nothing.
+    """
+    made, why, active = [], {}, (*frf.inputs, *frf.conditioning)
+    every = np.vstack([one.select((*inputs, *active)) for one in flights])
+    alike = np.atleast_2d(np.nan_to_num(np.corrcoef(every, rowvar=False)))[: len(inputs)]
+    mine = [
+        name
+        for name, row in zip(inputs, alike)
+        if np.argmax(np.abs(row[len(inputs) :])) < len(frf.inputs)
+    ]
     for one in flights:
         step, columns = one.sample_time, {}
-        for name in inputs:
+        for name in mine:
             u = one[name] - one[name].mean()
             columns[f"|{name}|"], why[f"|{name}|"] = np.abs(u), name
             columns[f"{name}^3"], why[f"{name}^3"] = u**3, f"the cube of {name}"
@@ -445,8 +462,9 @@ def _driven(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator
         if len(one) < max(2 * few, more):
             continue
         mean = sliding_window_view(u, few).mean(axis=1)
-        moves = np.abs(mean[few:] - mean[:-few])
-        moves = moves[np.ptp(sliding_window_view(y, 2 * few), axis=1) < _Y_RESTS]
+        moves = np.abs(mean[few:] - mean[:-few])[
+            np.ptp(sliding_window_view(y, 2 * few), axis=1) < _Y_RESTS
+        ]
         rests = np.ptp(sliding_window_view(u, more), axis=1) < _U_RESTS
         swings = np.ptp(sliding_window_view(y, more), axis=1)[rests]
         if min(moves.max(initial=0.0), swings.max(initial=0.0)) > _MOVES:

@@ -30,8 +30,8 @@ from helisim.vehicle.swashplate import lock_number
 
 Files = Mapping[str, Path]  # by parameter
 
-_MISSED = 1e-3  # relative; published ones have four digits
-_OFF_CENTRE = 1e-3  # unitised, of a control in the hover
+# Relative; published ones have four digits; unitised, of a control in the hover
+_MISSED, _OFF_CENTRE = 1e-3, 1e-3
 _OFF_ORIGIN, _MISPLACED = 0.002, 0.005  # shares of the rotor's radius: centre of gravity, hub
 _FASTEST_GROWTH = 0.2  # 1/s, that a pilot can still hold
 _LEAST_GAIN, _LEAST_PHASE = 6.0, 30.0  # least margins, dB and degrees
