@@ -33,7 +33,8 @@ Item = TypeVar("Item")
 
 _LONGEST = 500  # characters of a message; of logs' errors, of a line
 _MOST_LISTED = 30  # Most names in a message; of more, only similar ones and their number
-# Characters of the names in a message; least likeness of a suggested name; difflib's default
+# _LONGEST_LIST: characters of the names in a message
+# _ALIKE: least likeness of a suggested name; difflib's default
 _LONGEST_LIST, _ALIKE = 300, 0.6
 _CLOSE_TO_BEST = 0.1  # largest distance of other suggestions from the best
 

@@ -127,7 +127,8 @@ T = TypeVar("T")
 
 OFF = "off"  # None in TOML and text, where the default isn't None
 INFINITE = "inf"  # infinity in JSON; "-inf" for the other one
-# Integers up to it are floats without loss; integers as NumPy and Parquet hold them
+# _WHOLE: integers up to it are floats without loss
+# _LARGEST: integers as NumPy and Parquet hold them
 _WHOLE, _LARGEST = 2**53, 2**63 - 1
 _TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 

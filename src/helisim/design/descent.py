@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 
 from helisim.base.arrays import Real
 
-# Step of a coordinate for derivatives; weight of the worst shortfall beside the cost
+# _DIFFERENCE: step of a coordinate for derivatives
+# _PENALTY: weight of the worst shortfall beside the cost
 _DIFFERENCE, _PENALTY = 1e-4, 100.0
 _EACH, _SHORTEST = 0.1, 1e-2  # weight of each shortfall beside the worst; weight of a step's length
 _FIRST, _LARGEST, _LEAST = 0.25, 0.8, 2e-3

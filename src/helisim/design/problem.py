@@ -37,7 +37,8 @@ _HUMP = 15.0  # dB of |S| below 1 / sqrt 2 that count as one unit of distance
 _STEPS = {"stable": 40, "hard": 40, "soft": 60, "margin": 30, "cost": 40, "nearest": 60}
 _RIGOUR = 10.0  # weight of a shortfall of a hard constraint, 1 that of a level
 _RIGID = 200.0  # weight of shortfalls of what holds, 1 that of what can't be met
-# Rad/s, to the left of which every pole is moved first; distance by which a met goal may be missed
+# _STABLE: rad/s, to the left of which every pole is moved first
+# _HELD: distance by which a met goal may be missed
 _STABLE, _HELD = 0.3, 1e-3
 _STARTS, _MOST_STARTS = 3, 9  # always, and while none of them meets all that is asked
 _AROUND, _NEARER = 0.7, 0.35  # largest difference of coordinates: from the start, from the best

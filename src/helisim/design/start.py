@@ -33,7 +33,8 @@ _STICK = {"cyclic": 1.0, "pedals": 4.0}
 _MODEL = 5.0  # rad/s, of the command models at first
 _WEAK = 0.2  # gain of the rate's loop at first, at low frequency
 _HOLD = {"cyclic": 15.0, "pedals": 2.0}  # rad/s: ratio of attitude to rate in the feedback at first
-# Rad/s, crossover of the yaw rate's loop at first; rad/s: ratio of integral to attitude at first
+# _YAW: rad/s, crossover of the yaw rate's loop at first
+# _SLOW: rad/s: ratio of integral to attitude at first
 _YAW, _SLOW = 5.0, 2.0
 _LEAD = (40.0, 200.0)  # rad/s, zero and pole of the lead at first
 _MOVED = {  # least and largest multiple of each moved parameter's start

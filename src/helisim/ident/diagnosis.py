@@ -94,11 +94,12 @@ _BELIEVED, _NOTHING = 0.999, 1e-4
 _FAR = 5.0  # times the band's top: farther poles are not in the data
 # Times the noise's power, and percent of a response, from which a residual is worth a word
 _RATIO, _PERCENT = 10.0, 5.0
-# share of a response's cost at one edge of the band; of a band's points, that are its edge
+# _EXPLAINED: share of a response's cost at one edge of the band
+# _EDGE: of a band's points, that are its edge
 _EXPLAINED, _EDGE = 0.75, 0.34
 _DELAY_ERRORS, _EARLY = 3.0, 0.01  # errors, and s (a sample of most logs), that a delay may lead
-# rad at full travel, 29 degrees: rotors flap by a third of that; mean coherence below which a
-# response's data are doubted
+# _LARGEST_FLAPPING: rad at full travel, 29 degrees: rotors flap by a third of that
+# _DOUBTFUL: mean coherence below which a response's data are doubted
 _LARGEST_FLAPPING, _DOUBTFUL = 0.5, 0.75
 
 

@@ -25,10 +25,11 @@ from helisim.records.record import IN1, IN2, RATES, Channel, FlightRecord
 
 _HALF = 0.3  # half width of a band over its middle: a response is a parabola in its logarithm there
 _APART = (1.0 + _HALF) / (1.0 - _HALF)  # from one band to the next
-# Spare lines that a band needs; standard deviations of a statistic by chance: none of a million
+# _FREEDOM: spare lines that a band needs
+# _SURE: standard deviations of a statistic by chance: none of a million
 _FREEDOM, _SURE = 4.0, 6.0
-# Standard deviations of a sum of exponentials: one time in 5000, of 7 bands; times its variance
-# that a squared answer counts at most: chance in 160 000
+# _ANSWERED: standard deviations of a sum of exponentials: one time in 5000, of 7 bands
+# _MOST: times its variance that a squared answer counts at most: chance in 160 000
 _ANSWERED, _MOST = 5.0, 12.0
 _ERRORS, _SLOPE = 3.0, 0.01  # stated errors; error of a rate's slope that a good gyro has
 _HALVES = 0.5  # of one, from which a slope is the other axis's, or of the other sign
@@ -329,7 +330,7 @@ def _with_powers(
             columns[f"{name}^3"], why[f"{name}^3"] = u**3, f"the cube of {name}"
             columns[f"{name}'^3"] = np.gradient(u, step) ** 3
             why[f"{name}'^3"] = f"the cube of {name}'s speed"
-            columns[f"{name}_"], why[f"{name}_"] = _within(u, _PLAY * u.std()), f"play in {name}"
+            columns[f"{name}_"], why[f"{name}_"] = _in_play(u, _PLAY * u.std()), f"play in {name}"
         for name, y in zip(frf.outputs, _predicted(one, model).T if model else ()):
             columns[f"{name}^3"], why[f"{name}^3"] = y**3, f"the cube of {name}"
         signals = (*inputs, *frf.outputs)
@@ -340,8 +341,8 @@ def _with_powers(
     return made, why
 
 
-def _within(u: Real, play: float) -> Real:
-    """Return where u, (n_time,), is within a play that it drags along, -play to play."""
+def _in_play(u: Real, play: float) -> Real:
+    """Return where a control, (n_time,), is in a play that it takes along, from -play to play."""
     moves = np.diff(u, prepend=u[0]).tolist()
     return np.array([*accumulate(moves, lambda at, by: min(max(at + by, -play), play))])
 

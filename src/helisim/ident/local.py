@@ -22,29 +22,29 @@ WIDTHS: Real = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
 """Half widths of the band over its middle: 0.06 to 3.84."""
 WIDEST = 1.0  # Widest band without a narrower one to compare: beyond it the bias is unknown
 _MOST = 4  # widths that are compared at a frequency
-# lines for each parameter in a band beyond which no wider one is asked; lines that a band needs for
-# each parameter: the kernel lets two of three count
+# _PLENTY: lines for each parameter in a band beyond which no wider one is asked
+# _SPARE: lines that a band needs for each parameter: the kernel lets two of three count
 _PLENTY, _SPARE = 100.0, 1.5
 _FREE = 4.0  # lines beyond the parameters, to see what is left
-# transients are estimated above this power over the disturbance's; at every so many frequencies it
-# is looked for transients
+# _TRANSIENT_RATIO: transients are estimated above this power over the disturbance's
+# _TRANSIENT_STEP: at every so many frequencies it is looked for transients
 _TRANSIENT_RATIO, _TRANSIENT_STEP = 1.5, 4
 _CHUNK = 100_000  # Numbers of a design that are worked on at once
-# power by which smaller mean-square errors count more in the average of widths; a width with a
-# smaller share is left out
+# _SHARPNESS: power by which smaller mean-square errors count more in the average of widths
+# _LEAST: a width with a smaller share is left out
 _SHARPNESS, _LEAST = 2.0, 0.05
-# bands wider than this have no law of bias: the next wider one's counts fully; Excess of a squared
-# difference, in its variances, to be stated as a bias
+# _ASYMPTOTIC: bands wider than this have no law of bias: the next wider one's counts fully
+# _DOUBT: Excess of a squared difference, in its variances, to be stated as a bias
 _ASYMPTOTIC, _DOUBT = 0.5, 0.5
 _FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
-# spare lines of the narrowest band that gives the disturbance's spectrum; over which share of the
-# frequency that spectrum is averaged further
+# _NOISE_FREEDOM: spare lines of the narrowest band that gives the disturbance's spectrum
+# _NOISE_WIDTH: over which share of the frequency that spectrum is averaged further
 _NOISE_FREEDOM, _NOISE_WIDTH = 5.0, 0.15
 # A spectrum that averages n lines is stated larger by this over n: then three standard deviations
 # hold 98.9 % of the errors (Student's distribution, complex, n of 8 to 30)
 _STUDENT = 2.5
-# over which share of the frequency the inputs' spectra are averaged; least lines in averages of the
-# inputs' spectra
+# _POWER_WIDTH: over which share of the frequency the inputs' spectra are averaged
+# _POWER_LINES: least lines in averages of the inputs' spectra
 _POWER_WIDTH, _POWER_LINES = 0.2, 12
 _APART_WIDTH = 0.15  # of ln w, over which squares of estimates' differences are averaged
 # Pulses that repeat a whole number of times leave most lines empty. Share of records that is cut

@@ -25,8 +25,8 @@ from helisim.ident.structure import MATRICES, Structure
 # Second-order part of a root's change over its standard error, from which the error is rough; and
 # the fraction of the fastest root that is rounding in an error
 _CURVED, _ROUNDING = 0.25, 1e-13
-# rad/s: a root nearer to zero is an integrator, or a zero at the origin; fraction of its terms
-# below which a sum of products is rounding
+# _ORIGIN: rad/s: a root nearer to zero is an integrator, or a zero at the origin
+# _NOTHING: fraction of its terms below which a sum of products is rounding
 _ORIGIN, _NOTHING = 1e-9, 1e-10
 _CANCELS = 1e-6  # relative distance of a zero from the pole that it cancels
 

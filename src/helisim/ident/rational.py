@@ -25,8 +25,8 @@ OF_FORCES = ((1, 1), (1, 2), (2, 3))  # that act before the vehicle moves
 # Rms errors of a response: a verdict doubts larger ones; times the stated error, within which no
 # third pole is sought
 _BETTER, _ENOUGH, _WITHIN = 0.5, 0.05, 1.2
-# of the band's top, below which all poles must be; slow ones act as integrals there; of the band's
-# top, above which an unstable pole stands for a missing lag
+# _INSIDE: of the band's top, below which all poles must be; slow ones act as integrals there
+# FAST: of the band's top, above which an unstable pole stands for a missing lag
 _INSIDE, FAST = 2.0, 0.4
 _POINTS = 3  # least frequencies a coefficient
 

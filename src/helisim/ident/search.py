@@ -20,8 +20,8 @@ _APPROACH_STEPS = 60  # evaluations by relative errors, which only have to find 
 # Average cost at which a minimum that two starts share is believed: the guideline's limit; and the
 # average cost that is none where the noise isn't known: 0.02 dB everywhere
 _GOOD_ENOUGH, _NO_NOISE = 100.0, 1e-2
-# squared standardised residuals over the expected, explained by noise; relative difference of equal
-# costs
+# _NOISE: squared standardised residuals over the expected, explained by noise
+# _SAME_COST: relative difference of equal costs
 _NOISE, _SAME_COST = 2.0, 1e-4
 # Standard deviation of the starts' logarithm, a factor of 2 either way; and the share of the
 # unbounded parameters that a race tries with the other sign

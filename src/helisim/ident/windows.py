@@ -23,19 +23,20 @@ from helisim.ident.scatter import Estimate, Scatter, WindowWeights
 from helisim.records.record import FlightRecord
 
 HANN_POWER = 0.375  # Mean square of the Hann window (CIFER's 1.63^2 is its inverse)
-# Least overlap of windows; Number of window lengths in a composite
+# OVERLAP: Least overlap of windows
+# WINDOWS: Number of window lengths in a composite
 OVERLAP, WINDOWS = 0.75, 5
 _AS_PRINTED = 5e-4  # of a frequency, by which four digits may be off: what is advised is taken
 WINDOW_SPREAD = 5.0  # Largest ratio of window lengths (CIFER's usual 50 s to 10 s)
 PERIODS = 6.0
 """Least periods in a window of the composite, except the longest: fewer smear the response."""
-# samples in a block of the kernel's phase table; instants in a record where products of windows are
-# summed
+# _BLOCK: samples in a block of the kernel's phase table
+# _QUADRATURE: instants in a record where products of windows are summed
 _BLOCK, _QUADRATURE = 64, 512
 # in the composite's cost (Tischler and Remple); least denominator of a real or imaginary part
 _COHERENCE_WEIGHT, _PART_GUARD = 5.0, 0.1
-# Gauss-Newton steps; the problem is quadratic but for one term; over which share of the frequency
-# the windows' systematic error is averaged
+# _STEPS: Gauss-Newton steps; the problem is quadratic but for one term
+# _NEIGHBOURS: over which share of the frequency the windows' systematic error is averaged
 _STEPS, _NEIGHBOURS = 8, 0.15
 _FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
 

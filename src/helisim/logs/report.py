@@ -10,7 +10,8 @@ from helisim.base.settings import FrozenMap, Value
 from helisim.records.record import FlightRecord
 
 OURS = "helisim record"  # Name of helisim's own format, whose channels need no map
-# Of a log with more, only so many are printed; of a finding, at most
+# _PARTS_SHOWN: of a log with more, only so many are printed
+# _ROWS_KEPT: of a finding, at most
 _PARTS_SHOWN, _ROWS_KEPT = 20, 20
 
 

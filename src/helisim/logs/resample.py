@@ -25,7 +25,8 @@ _MAX_SAMPLES = 20_000_000  # numbers of a channel on the fine grid, at most
 _MAX_EXPANSION = 1_000  # Most numbers of the fine grid for one of the log's, above 100 000
 _FASTER = 1.01  # of the grid's rate: a log up to this needs no filter
 _SLOW = 1.5  # median steps: a slower channel has its own longest step
-# Gaps of a logger that drops samples: their least number, and the share shorter than so many s.
+# Gaps of a logger that drops samples: their least number, the share of them that is shorter than so
+# many s, or so many of its steps: a slow log's gaps are longer
 _MANY, _MOST, _SHORT, _SHORT_STEPS = 20, 0.95, 0.1, 10.0
 
 

@@ -17,24 +17,25 @@ from helisim.logs.timing import GAP, Options, Samples
 from helisim.records.quality import ANGLES, frozen_runs, slope_matrix, spikes
 from helisim.records.record import IN1, IN2, RATES
 
-# largest error of a steady recorder's step, of the median step; largest error of a ratio that is a
-# unit's, in its logarithm
+# _REGULAR: largest error of a steady recorder's step, of the median step
+# _SAME: largest error of a ratio that is a unit's, in its logarithm
 _REGULAR, _SAME = 0.01, 0.1
-# of a rate over its angle's slope, in the logarithm: less is not reported; rad, rms, of any excited
-# flight's attitude in radians
+# _SCALE: of a rate over its angle's slope, in the logarithm: less is not reported
+# _LEAST_ANGLE: rad, rms, of any excited flight's attitude in radians
 _SCALE, _LEAST_ANGLE = 0.25, 0.01
 _FASTEST = 40.0  # rad/s: more than gyros measure (2000 deg/s are 35)
 # Most of angles, with some rounding, and rates, rad and rad/s.
 LARGEST = {"theta": 1.02 * math.pi / 2.0, "phi": 1.02 * math.pi} | dict.fromkeys(RATES, _FASTEST)
 _SLOWEST, _WIDE = 1.0, 2.0  # rad/s and rad rms: faster swings that are wider are in deg/s
 _LONG = 256  # least samples of a swing
-# us, of a radio; us, from one end of a stick to the other: 1100 to 1900
+# PULSES: us, of a radio
+# PULSE_RANGE: us, from one end of a stick to the other: 1100 to 1900
 PULSES, PULSE_RANGE = (700.0, 2300.0), 800.0
 UNITISED = 1.5  # above, a control without dimension is a percentage or a pulse
 # Error of a rate's slope, of the slope, and the share of the rate that it makes, where it is sure.
 _UNSURE, _MAINLY = 0.15, 0.7
-# periods in a log, at least; of the sampling rate: up to here central differences are right within
-# 5 %
+# _LOWEST: periods in a log, at least
+# _HIGHEST: of the sampling rate: up to here central differences are right within 5 %
 _LOWEST, _HIGHEST = 25.0, 0.08
 
 

@@ -28,7 +28,7 @@ _PERCENT, _FAST = 105.0, 8.0
 _GRAVITIES = {one: STANDARD_GRAVITY / UNITS[one].factor for one in ("m/s^2", "g", "mg", "ft/s^2")}
 _NO_MOVE = 1e-9
 _UNSAID = "SI, for lack of another word"
-_IN_PERCENT, _AS_IT_IS = "percent", "without dimension"
+_SURFACES = ("lat", "lon", "ped")  # of one unit in a log
 
 
 class Named(NamedTuple):
@@ -257,7 +257,8 @@ class SeenChannel:
     @property
     def sized(self) -> bool:
         """Whether the unit was guessed from the numbers' size."""
-        return "by its size" in self.why or "for lack of" in self.why
+        said = ("by its size", "for lack of", "; percent: ", "; without dimension: ")
+        return any(one in self.why for one in said)
 
     @property
     def size(self) -> float:
@@ -367,12 +368,12 @@ def _control(unit: str | None, known: Real) -> tuple[dict[str, Any], str]:
         (
             unit == "percent" or (unit is None and UNITISED < size <= _PERCENT),
             {"unit": "percent"},
-            f"{_IN_PERCENT}: {reaches}",
+            f"percent: {reaches}",
         ),
         (
             bare and size <= (_PERCENT if unit else UNITISED),
             {"unit": "1"},
-            f"{_AS_IT_IS}: {reaches}",
+            f"without dimension: {reaches}",
         ),
         (
             unit is not None and UNITS[unit].si == "rad",
@@ -403,21 +404,9 @@ def _by_size(channel: str, known: Real) -> tuple[str, str]:
 
 def _same_family(seen: tuple[SeenChannel, ...]) -> tuple[SeenChannel, ...]:
     units = {name: one.column.unit for one in seen if one.name == "az" for name in ("ax", "ay")}
-    sides = [one for one in seen if one.name in ("lat", "lon", "ped")]
-    percent = any(f"; {_IN_PERCENT}: " in one.why for one in sides)
-    seen = tuple(
-        replace(
-            one,
-            column=replace(one.column, unit="percent"),
-            why=f"{one.why.rpartition(';')[0]}; percent, as the others are by their size",
-        )
-        if percent and one in sides and f"; {_AS_IT_IS}: " in one.why
-        else one
-        for one in seen
-    )
-    for family in (RATES, ATTITUDES):
+    for family in (RATES, ATTITUDES, _SURFACES):
         sized = [one.column.unit for one in seen if one.name in family and one.sized]
-        large = [unit for unit in sized if unit in ("deg", "deg/s")]
+        large = [unit for unit in sized if unit in ("deg", "deg/s", "percent")]
         units |= dict.fromkeys(family, large[0]) if large else {}
     return tuple(
         replace(

@@ -27,17 +27,18 @@ from helisim.records.record import (
 
 Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
-# of a record that is looked at; s, block to count as active; 1/20 of short logs
+# _LEAST_SAMPLES: of a record that is looked at
+# _LONGEST_BLOCK: s, block to count as active; 1/20 of short logs
 _LEAST_SAMPLES, _LONGEST_BLOCK = 50, 5.0
-# of what it moves in its liveliest blocks, from which a control is active; of its liveliest blocks,
-# that its quietest move at most where they are noise
+# _ACTIVE: of what it moves in its liveliest blocks, from which a control is active
+# _QUIET: of its liveliest blocks, that its quietest move at most where they are noise
 _ACTIVE, _QUIET = 0.3, 0.6
 _BEGUN, _CLEAR = 0.1, 4.5  # share of its span, multiple of the noise at rest
-# s, for which an excitation may rest in between, as a slow sweep does; of the log, that a control
-# must rest for its resting place to be known
+# _REST: s, for which an excitation may rest in between, as a slow sweep does
+# _REST_SHARE: of the log, that a control must rest for its resting place to be known
 _REST, _REST_SHARE = 6.0, 0.1
-# of the amplitude, beyond which a half-wave begins; rank correlation of frequency and time from
-# which a signal is a sweep
+# _HYSTERESIS: of the amplitude, beyond which a half-wave begins
+# _RISING: rank correlation of frequency and time from which a signal is a sweep
 _HYSTERESIS, _RISING = 0.3, 0.75
 _SPAN, _FEWEST_WAVES = 2.5, 8  # of highest to lowest frequency, from which a signal is a sweep
 _FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
@@ -48,11 +49,11 @@ _POWER = (0.03, 0.97)  # shares of a motion's power between which its band is
 # whose power is below what a fifth resolves
 WINDOWS, _OF_SHAPES = 5.0, 3.0
 SAMPLES_A_PERIOD = 10.0
-# frequencies of the coherence's running median; of highest to lowest frequency, from which a band
-# is worth a line
+# _SMOOTHED: frequencies of the coherence's running median
+# _NARROWEST: of highest to lowest frequency, from which a band is worth a line
 _SMOOTHED, _NARROWEST = 5, 2.0
-# windows that a motion is spread among, at least; of a control's power: what is coherent with less
-# doesn't answer what moved it
+# _LEAST_EVENTS: windows that a motion is spread among, at least
+# _LEAST_SHARE: of a control's power: what is coherent with less doesn't answer what moved it
 _LEAST_EVENTS, _LEAST_SHARE = 1.5, 0.1
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 # partial coherence of control and motion in a closed loop; share of what inputs leave of outputs

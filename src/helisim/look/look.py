@@ -193,7 +193,7 @@ def _event(one: FoundExcitation, others: Sequence[FoundExcitation]) -> LogFindin
     after = [each.start for each in others if each.start > one.stop]
     limits = {
         "from": max(one.start - _BEFORE, 0.0, *before),
-        "to": min(one.stop + _AFTER, *after, math.inf),
+        "to": min([one.stop + _AFTER, *after]),
     }
     then = [each.channel for each in others if each.start <= one.stop and each.stop >= one.start]
     return LogFinding(

@@ -30,7 +30,8 @@ LOGGED = {
 _GAINS = ("ATC_RAT_", "ATC_ANG_")  # parameters of the rate and attitude loops begin so
 _TERMS = ("P", "I", "D", "FF", "DFF")
 _STILL = 0.5  # deg, by which the attitude that is aimed at may move
-# Share of rows that may be lost without a word; s: a log with longer steps shows no loop
+# _LOST: share of rows that may be lost without a word
+# _SLOWEST: s: a log with longer steps shows no loop
 _LOST, _SLOWEST = 0.02, 0.02
 _SET = "set LOG_BITMASK's bits 0 and 1"
 

@@ -20,8 +20,8 @@ from helisim.look.excitation import FoundAnswer, FoundExcitation
 from helisim.look.sweeps import FlownSweep
 from helisim.records.record import FlightRecord
 
-# of the longest part of a log: shorter parts are left out; readings, each with the options that the
-# last one asked for
+# SHORT: of the longest part of a log: shorter parts are left out
+# _ATTEMPTS: readings, each with the options that the last one asked for
 SHORT, _ATTEMPTS = 0.3, 4
 _FASTEST = 200.0  # Hz, at which channels are looked at, at most
 _SHOWN, _BEST = 8, 4  # unused columns that are printed; responses to a control that are printed

@@ -26,7 +26,8 @@ from helisim.records.quality import stretches
 from helisim.records.record import ATTITUDES, RATES, STICKS, Channel, FlightRecord
 
 _STEP = 0.02  # s of a sample, an average of what was logged meanwhile
-# S between messages of RATE, beyond which nothing of this is seen; rad/s
+# _SLOWEST: s between messages of RATE, beyond which nothing of this is seen
+# _BAND: rad/s
 _SLOWEST, _BAND = 0.15, (1.5, 40.0)
 _FLOWN = 0.01  # standard deviation of a response in flight from that at trim, as a share
 _A_PERIOD = 5.0  # samples at the highest frequency, at least

@@ -67,7 +67,8 @@ _ALL = (
 SID_AXES: dict[int, SidAxis] = {k: SidAxis(k, *one) for k, one in enumerate(_ALL, start=1)}
 """SID_AXIS -> what is swept."""
 
-# S before the mode injects anything; s after a sweep, in which the vehicle still answers it
+# _DELAY: s before the mode injects anything
+# _AFTER: s after a sweep, in which the vehicle still answers it
 _DELAY, _AFTER = 1.0, 3.0
 _FIELDS = ("Time", "F", "Targ")  # SIDD: time, s; frequency, Hz; injected signal
 _RANGE = (0.005, 200.0)  # Hz, in which sweeps are: the parameters' own range, and room

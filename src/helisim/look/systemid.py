@@ -88,8 +88,8 @@ _HOVER = (
 
 RPM's first sensor is ArduPilot's main rotor, 0 or -1 without a signal.
 """
-# H_RSC_MODE in which ArduPilot itself holds H_RSC_GOV_RPM; throttle in the middle of its range,
-# which is no collective
+# _GOVERNOR: H_RSC_MODE in which ArduPilot itself holds H_RSC_GOV_RPM
+# _MIDDLE: throttle in the middle of its range, which is no collective
 _GOVERNOR, _MIDDLE = 4.0, {"col": 0.5}
 _HELI = (
     ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), "roll and pitch were swept"),
@@ -123,17 +123,17 @@ _OTHERS = (
     ("tf:1/2", ("ped",), ("r",), "yaw was swept; the rotors' inertia answers at once, a zero"),
     ("tf:1/2", ("col",), ("az",), "thrust was swept"),
 )  # Structure, inputs, outputs, why; of those with a common input the first possible one
-# by which a band may be beyond another sweep's, whose effect is still taken out; of the highest
-# frequency that was swept, in the records
+# _ROOM: by which a band may be beyond another sweep's, whose effect is still taken out
+# _SAMPLES_A_PERIOD: of the highest frequency that was swept, in the records
 _ROOM, _SAMPLES_A_PERIOD = 1.1, 8.0
-# s without a message: at more a sweep is cut in two; of the longest sweep: shorter parts are left
-# out
+# _MAX_GAP: s without a message: at more a sweep is cut in two
+# _SHORTEST: of the longest sweep: shorter parts are left out
 _MAX_GAP, _SHORTEST = 1.0, 0.25
-# FRAME_CLASS of a helicopter with one main rotor; share of messages that may be missing without a
-# word
+# _HELICOPTER: FRAME_CLASS of a helicopter with one main rotor
+# _DROPPED: share of messages that may be missing without a word
 _HELICOPTER, _DROPPED = 6, 0.01
-# average J at which a structure follows: a fiftieth of what is called excellent; of the least
-# average J of all lower edges, where noise keeps it larger than that
+# _FOLLOWS: average J at which a structure follows: a fiftieth of what is called excellent
+# _OF_LEAST: of the least average J of all lower edges, where noise keeps it larger than that
 _FOLLOWS, _OF_LEAST = 1.0, 1.3
 _STEP, _OCTAVES = 1.3, 3.0  # from one lower edge of a band to the next; that a band must still span
 

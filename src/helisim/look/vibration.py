@@ -42,13 +42,13 @@ _ABOVE, _BAND, _LOWEST = 10.0, 24.0, 8.0
 _ROTORS, _RATIOS = (8.0, 70.0), (2.5, 12.0)  # Hz of main rotors, turns of tail rotors for one
 _COMB, _HARMONICS = 4, 16  # multiples that find a rotor, and that a notch may have
 _SLACK, _DRIFT = 0.006, 0.015  # shares of a frequency: of a multiple, and of a peak's half width
-# of full command: a rotor out of balance moves a JR700's by 0.026; of full command: half a
-# microsecond of a servo's 500, which are whole ones
+# _OSCILLATES: of full command: a rotor out of balance moves a JR700's by 0.026
+# _FELT: of full command: half a microsecond of a servo's 500, which are whole ones
 _OSCILLATES, _FELT = 0.2, 1e-3
 # Of a notch: width over its centre, least width, Hz, and dB; over a rotor's speed, where it stays.
 _WIDTH, _NARROWEST, _DEPTH, _UNDER = 0.35, 5.0, 40.0, 0.9
-# s between samples of a Blackbox log, which ends a stretch; samples after which filters have
-# settled
+# _BREAK: s between samples of a Blackbox log, which ends a stretch
+# _SETTLES: samples after which filters have settled
 _BREAK, _SETTLES = 0.1, 200
 SET = (
     "set INS_LOG_BAT_MASK 1 (batches at 1 kHz, ISBH and ISBD; restart then), or bit 19 (GYR at "

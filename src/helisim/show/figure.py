@@ -36,7 +36,8 @@ COLOURS = {
     **_INKS,
     **_GROUNDS,
 }
-# Steps between ticks, times a power of ten; relative range below which values count as constant
+# _PRETTY: steps between ticks, times a power of ten
+# _ROUNDING: relative range below which values count as constant
 _PRETTY, _ROUNDING = (1.0, 2.0, 5.0), 1e-9
 
 WIDTH = 400.0  # width of a drawing in its own units

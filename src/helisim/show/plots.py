@@ -25,7 +25,8 @@ Look = tuple[Literal["line", "dashes"], Ink, str]
 
 DEGREES = (0.5, 1.0, 2.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)  # steps between ticks of a phase
 SURE = 2.0  # random errors of a bar either way, for 95 %
-# Degrees, largest phase at the start; most measured points in a figure, log-spaced
+# _HIGHEST: degrees, largest phase at the start
+# _POINTS: most measured points in a figure, log-spaced
 _HIGHEST, _POINTS = 135.0, 60
 _LEAST_DB, _LEAST_DEG = 1.0, 10.0  # least half ranges of difference panels
 

@@ -44,7 +44,8 @@ _MOTION = ("sticks", "controls", "rates", "attitude", "velocity")  # kinds besid
 _HZ = 50.0  # most samples a second
 _INKS = ((72, 166, 255), (255, 152, 56), (94, 210, 160), (190, 140, 230), (150, 158, 170))
 _EYE = (-1.9, -1.35, -0.75)  # m from the helicopter to the eye; north, east, down
-# Geom groups from this on hold collision geometry; most points of a path
+# _VISUAL_GROUPS: geom groups from this on hold collision geometry
+# _TRAIL: most points of a path
 _VISUAL_GROUPS, _TRAIL = 3, 500
 _GROUND, _MESH = 150.0, 5.0  # m, half the side of the ground, and spacing of its lines
 _CLEARANCE = 0.25  # m from the centre of gravity to the ground at a flight's lowest point

@@ -38,9 +38,11 @@ SLOWED = 30.0  # divisor of the drawn rotor speed
 LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower"
 
 _LEGEND = (None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None)
-# Distance of the camera in heights of the hover; s between two pictures
+# _STAND_OFF: distance of the camera in heights of the hover
+# _FRAME: s between two pictures
 _STAND_OFF, _FRAME = 2.3, 1.0 / 60.0
-# S: what a late computer makes up for at most; s, longest time for a window to close
+# _FALLEN_BEHIND: s: what a late computer makes up for at most
+# _CLOSING: s, longest time for a window to close
 _FALLEN_BEHIND, _CLOSING = 0.5, 5.0
 _INSTEAD = "record the flight instead: `helisim fly` writes a recording for Rerun"
 _STATE = ("qpos", "qvel", "act", "sensordata", "time")

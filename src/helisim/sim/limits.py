@@ -17,11 +17,11 @@ from helisim.vehicle.addresses import root_body
 
 HARDEST_LANDING = 2.5
 """m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""
-# of a stick or a command, unitised; the mixing may leave it a rounding short; s, in which what is
-# at its limit is added up
+# _STOP: of a stick or a command, unitised; the mixing may leave it a rounding short
+# _WINDOW: s, in which what is at its limit is added up
 _STOP, _WINDOW = 0.5 - 1e-9, 10.0
-# share of a servo's rate limit that counts as all: over a step it is a mean; m/s, at which a rim
-# nears the ground: until then it isn't looked for again
+# _FULL_RATE: share of a servo's rate limit that counts as all: over a step it is a mean
+# _FASTEST: m/s, at which a rim nears the ground: until then it isn't looked for again
 _FULL_RATE, _FASTEST = 0.999, 10.0
 
 Flags = NDArray[np.bool_]

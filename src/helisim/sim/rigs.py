@@ -32,9 +32,11 @@ _ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=Fligh
 _STEPS = (0.016, 0.015, 0.014, 0.013, 0.012)  # of the pedals, unitised
 _HELD, _APART = 0.506, 1.012  # s: no whole number of samples, against aliasing
 SWEPT = 60.0  # s, of a test that sweeps a stick
-# Rad; rad/s
+# _TABLE_AMPLITUDE: rad
+# _TABLE_BAND: rad/s
 _TABLE_AMPLITUDE, _TABLE_BAND = 0.015, (2.0, 120.0)
-# S, of the turntable's test; rad/s; above, servos and sticks alias
+# _TURNED: s, of the turntable's test
+# _STEP_BAND: rad/s; above, servos and sticks alias
 _TURNED, _STEP_BAND = 66.0, (2.0, 60.0)
 _SERVO_RANGE = 0.5  # unitised: the gyro commands the tail servo no further
 _LONGEST_DELAY = 0.1  # s, searched on both sides: beyond any gyro's latency and any recorder's

@@ -324,7 +324,8 @@ class Pilot:
         )
 
 
-# S over which the steady flight is averaged; rad/s of holding a place, far below what is swept
+# _LEARNS: s over which the steady flight is averaged
+# _SOFT: rad/s of holding a place, far below what is swept
 _LEARNS, _SOFT = 5.0, 0.1
 _LEAN, _CLIMB = math.radians(3.0), 0.05  # Most of lean, rad, and thrust for holding a place
 _HEAVE = 0.03  # Thrust over a velocity down, s/m

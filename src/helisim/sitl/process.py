@@ -13,7 +13,8 @@ from helisim.base.errors import AutopilotError, InputError
 from helisim.base.files import atomic_write
 
 PROGRAM = "HELISIM_ARDUPILOT"  # Environment variable that names the simulator's program
-# S since 1970, of its clock; Printed lines in the message of an ended program
+# _START_TIME: s since 1970, of its clock
+# _LAST_LINES: Printed lines in the message of an ended program
 _START_TIME, _LAST_LINES = 1_700_000_000, 5
 _OTHER_PORTS = (1, 2, 5, 6, 7, 8)  # Serial ports that would listen on all addresses
 

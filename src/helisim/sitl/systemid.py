@@ -13,9 +13,11 @@ from helisim.base.settings import check, setting
 from helisim.sitl.pilot import Hold, Pilot, Steps
 
 HEIGHT = 50.0  # m, where sweeps are flown, far from the ground's effect
-# S that the mode waits before it sweeps; s after a sweep until the pilot takes over
+# _DELAY: s that the mode waits before it sweeps
+# _AFTER: s after a sweep until the pilot takes over
 _DELAY, _AFTER = 1.0, 2.0
-# M from its beginning, at which a sweep is ended; s, in and out
+# _FARTHEST: m from its beginning, at which a sweep is ended
+# _FADES: s, in and out
 _FARTHEST, _FADES = 30.0, (5.0, 2.0)
 
 # Axis -> SID_AXIS of a sweep on the mixer's command, and its usual magnitude.

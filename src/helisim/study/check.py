@@ -30,7 +30,8 @@ from helisim.vehicle.swashplate import lock_number
 
 Files = Mapping[str, Path]  # by parameter
 
-# Relative; published ones have four digits; unitised, of a control in the hover
+# _MISSED: relative; published ones have four digits
+# _OFF_CENTRE: unitised, of a control in the hover
 _MISSED, _OFF_CENTRE = 1e-3, 1e-3
 _OFF_ORIGIN, _MISPLACED = 0.002, 0.005  # shares of the rotor's radius: centre of gravity, hub
 _FASTEST_GROWTH = 0.2  # 1/s, that a pilot can still hold

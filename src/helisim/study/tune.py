@@ -53,7 +53,8 @@ _INSTEAD = (
 
 LOOPS = ATTITUDES  # of the gyro
 _STEPS, _DIFFERENCE = 30, 3e-3  # relative step of derivatives, above the noise of solved gains
-# Weight that holds what the targets leave free; largest miss; 3.9 % is the paper's smallest bound
+# _REST: weight that holds what the targets leave free
+# _WORST_PERCENT: largest miss; 3.9 % is the paper's smallest bound
 _REST, _WORST_PERCENT = 0.02, 3.0
 _PHASE_WEIGHT = np.sqrt(0.01745) * 180.0 / np.pi  # CIFER's, of a degree against 1 dB, in rad
 

@@ -186,7 +186,8 @@ _AZIMUTHS = (np.arange(180) + 0.5) * math.pi / 90.0
 _SKEWS = np.linspace(0.0, math.pi, 91)
 _SPREAD = (-0.1, 0.0, 0.1)  # radii about a tail: where its wash is averaged, x and z
 _STEPS = (np.arange(10) + 0.5) / 10.0  # radii of the tubes of a load that grows outwards
-# Of a hover's wake, to 0.85 radii; radius of the vortices' core over the rotor's
+# _CONTRACTION: of a hover's wake, to 0.85 radii
+# _CORE: radius of the vortices' core over the rotor's
 _CONTRACTION, _CORE = 0.85**-4 - 1.0, 0.05
 _FAR = 100.0  # radii, beyond which no wake is felt
 _DIGITS = 4  # to which the coefficients are rounded, so that they are the same on every machine

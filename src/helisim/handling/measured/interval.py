@@ -23,7 +23,8 @@ UNITS: Mapping[str, str] = {
     "set_FF": "s/rad",
     "flown_FF": "s/rad",
 }
-# Share of the draws beyond either end; largest share of draws without the figure
+# _TAIL: share of the draws beyond either end
+# _LOST: largest share of draws without the figure
 _TAIL, _LOST = 0.025, 0.1
 _EDGE = 1.05  # ratio of frequencies: nearer to an end of a curve's band nothing is seen
 
