@@ -245,8 +245,8 @@ def _nonlinear(
 
     The cube's part that goes with the input is in the response; what is left of it has the
     response's error, so that its share follows: a sweep's cube has three times its frequency.
-    Cubes are of the inputs, and of outputs as `model` makes them; play is what an input moves
-    before anything follows; its size |u| moves what answers it by more to one side.
+    Cubes are of the inputs, and of outputs as `model` makes them. Play is how far an input moves
+    before anything follows it. Its size, |u|, shows where one side answers more than the other.
     """
     made, why = _with_powers(flights, frf, inputs, model)
     lines = flight_lines(made, made[0].names, float(frf.frequency[-1]))
@@ -342,7 +342,7 @@ def _with_powers(
 
 
 def _in_play(u: Real, play: float) -> Real:
-    """Return where a control, (n_time,), is in a play that it takes along, from -play to play."""
+    """Return the part of a control, (n_time,), that moves within a backlash of +-play."""
     moves = np.diff(u, prepend=u[0]).tolist()
     return np.array([*accumulate(moves, lambda at, by: min(max(at + by, -play), play))])
 
@@ -453,8 +453,8 @@ def _differing(
 def _driven(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator[Note]:
     """Yield an input that moves while an output rests, and rests while it moves.
 
-    No controller of that output does both: by attitude it moves too slowly, by its rate's slope it
-    never rests. Shares are of each signal's whole motion.
+    No controller of that output does both: one of the attitude moves too slowly, one with a
+    derivative term never rests. Shares are of each signal's whole motion.
     """
     half = math.pi / math.sqrt(frf.frequency[0] * frf.frequency[-1])  # of the band's middle
     for one, name, output in product(flights, frf.inputs, frf.outputs):

@@ -362,7 +362,10 @@ def _descended(of: _Likelihood, x: Real) -> tuple[float, Real, bool]:
 
 
 def _solved(of: _Likelihood, x: Real, delays: bool) -> tuple[float, Real]:
-    """Return the least squares of x, (n_free,), with the gains solved, and `delays` tried alike."""
+    """Return the least squares of x, (n_free,), and x with its gains solved.
+
+    `delays` is whether a grid of delays is tried, the same one for all inputs and outputs.
+    """
     late = [k for k, name in enumerate(of.names) if name in delay_names(of.structure)]
     gains, found = linear_parameters(of.structure), []
     order = np.argsort(of.lines.omega)
@@ -380,7 +383,7 @@ def _solved(of: _Likelihood, x: Real, delays: bool) -> tuple[float, Real]:
 
 
 def _lacking(of: _Likelihood, seed: int) -> Iterator[Note]:
-    """Yield a transfer function of one more zero and pole that explains what noise does not."""
+    """Yield a note if one more zero and pole explain what noise does not."""
     form = rational_form(of.structure)
     if form is None or of.structure.free != of.structure.parameters or form.poles > _HIGHEST:
         return
