@@ -196,9 +196,9 @@ def test_a_family_has_one_unit_and_what_is_stated_or_given_stays():
     found = {name: one.column.unit for name, one in guessed(rates).items()}
     assert {found.pop(name) for name in ("lat", "lon")} == {"percent"}
     assert found == {"p": "deg/s", "q": "deg/s", "r": "deg/s", "ax": "g", "az": "g"}
-    found = guessed(rates, units={"r": "rad/s"}, given={"p": Column("p", "rad/s")})
-    assert {name: found[name].column.unit for name in "pqr"} == {
-        "p": "rad/s", "q": "deg/s", "r": "rad/s"
+    found = guessed(rates, units={"r": "rad/s", "lat": "1"}, given={"p": Column("p", "rad/s")})
+    assert {name: found[name].column.unit for name in (*"pqr", "lat", "lon")} == {
+        "p": "rad/s", "q": "deg/s", "r": "rad/s", "lat": "1", "lon": "percent"
     }  # fmt: skip
     assert (found["p"].why, found["r"].why) == ("given", "its name; unit stated")
 

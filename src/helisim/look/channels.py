@@ -257,8 +257,10 @@ class SeenChannel:
     @property
     def sized(self) -> bool:
         """Whether the unit was guessed from the numbers' size."""
-        said = ("by its size", "for lack of", "; percent: ", "; without dimension: ")
-        return any(one in self.why for one in said)
+        return "unit stated" not in self.why and any(
+            one in self.why
+            for one in ("by its size", "for lack of", "; percent: ", "; without dimension: ")
+        )
 
     @property
     def size(self) -> float:
@@ -346,6 +348,7 @@ def _in_unit(stated: str | None, heading: str, meant: Named, known: Real) -> tup
     unit, found = stated or meant.unit, dict[str, Any]()
     if meant.channel in CONTROLS:
         found, why = _control(unit, known)
+        why = "unit stated; " * bool(stated) + why
     else:
         why = "unit stated" if stated else "unit by name"
         if unit is None or (unit in UNITS and UNITS[unit].si != CHANNELS[meant.channel].unit):
