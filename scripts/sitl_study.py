@@ -8,18 +8,20 @@
 - ArduPilot's own simulated helicopter: the truth is what its public source states
   (libraries/SITL/SIM_Helicopter.cpp; of its Blade 360 Walker's and Tischler's, VFS Forum 77, 2021).
 
-A bound is the Cramér-Rao bound that is printed beside a value; delays are left out. And `helisim
-margins LOG` beside the exact loops: ArduCopter's law by the log's parameters, and the vehicle that
-flew, motor and all, linearised exactly and sampled at the autopilot's ticks. Its pulses act at once
-and are held for a tick; the tail's go out a tick later. Crossover and DRB are judged by how many dB
-the exact curve misses 0 or -3 dB where the measured one has them, curves where 0.1 < |L| < 10.
+Bounds are Cramér-Rao bounds as printed; delays are left out. And `helisim margins LOG` beside the
+exact loops: ArduCopter's law by the log's parameters, and the vehicle that flew, motor and all,
+linearised exactly and sampled at the autopilot's ticks. Its pulses act at once and are held for a
+tick; the tail's go out a tick later. Crossover and DRB are judged by how many dB the exact curve
+misses 0 or -3 dB where the measured one has them, curves where 0.1 < |L| < 10 and roll or pitch
+move by 0.04 degrees: ArduPilot doesn't feed back less than twice the first step of an arccosine in
+single precision, the root of 2^-23.
 
     python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
     python scripts/sitl_study.py --loops loops.bin --heli-loops heli.bin
     python scripts/sitl_study.py --fly FOLDER                          all are flown, some minutes
 
-What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs stay in FOLDER. The
-exit status is 1 if a bar is missed, or a figure was not measured.
+ArduCopter-heli, which `HELISIM_ARDUPILOT` names, flies; the logs stay in FOLDER. Status 1: a bar is
+missed, or a figure was not measured.
 """
 
 import math
@@ -50,7 +52,7 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import HALF_POWER, margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import Interval
-from helisim.look.loops import flown_law, flown_loops
+from helisim.look.loops import FlownLoops, flown_law, flown_loops
 from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Mixer, command_scale
@@ -59,9 +61,8 @@ JR700, HELI, LOOPS = "jr700", "heli", "loops"
 BARS = {JR700: 2.0, HELI: 3.0, "heli-blade360": 3.0}  # whose log -> largest median error, %
 LARGEST = {JR700: 3.0}  # whose log -> largest error of any derivative, %
 INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
-DECIBEL, DEGREES = 0.5, 3.0  # The bars of loops.
-_JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
-_FINE = 2000
+DECIBEL, DEGREES, _JUDGED = 0.5, 3.0, 10.0  # Bars of loops; |L| to 1, or 1 to it, up to which.
+_MOVES = 2.0 * math.sqrt(2.0**-23)  # rad, two steps of the arccosine
 FLIGHTS = {
     JR700: "--script sysid --axes roll,pitch,yaw,thrust --set drive.governor=ideal",
     LOOPS: "--script sysid,stop_hz=24 --axes roll,pitch,yaw",
@@ -241,12 +242,13 @@ Figure = namedtuple("Figure", "axis figure value low high exact unit off bar")
 """A loop's figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
 
 
-def figures(found: hs.MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Figure]:
-    rows = []
+def figures(flown: FlownLoops, plant: Linear, law: ArduCopterLaw) -> list[Figure]:
+    found, rows = flown.margins(), []
+    sizes = {one.names[-1]: float(np.ptp(one[one.names[0]])) / 2.0 for one in flown.records}
     measured = {(one.axis, one.name): one.interval for one in found.figures}
     for axis in found.loop.axes:
         curve = found.loop.broken(axis)
-        fine = ClosedLoop(plant, law, np.geomspace(*curve.frequency[[0, -1]], _FINE))
+        fine = ClosedLoop(plant, law, np.geomspace(*curve.frequency[[0, -1]], 2000))
         loop, rejects = fine.broken(axis), fine.disturbance(axis)
         exact, turned = margins(loop), rejection(rejects)
         phase = np.degrees(min((abs(one) for _, one in exact.phase), default=np.nan))
@@ -264,8 +266,10 @@ def figures(found: hs.MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> lis
                 off = np.interp(np.log(own.value), np.log(loop.frequency), above)
             bar = DEGREES if unit == "deg" else DECIBEL
             rows.append(Figure(axis, name, own.value, own.low, own.high, true, unit, off, bar))
-        true = ClosedLoop(plant, law, curve.frequency).broken(axis).response
+        same = ClosedLoop(plant, law, curve.frequency)
+        true, moved = same.broken(axis).response, np.abs(same.turned(axis, axis).response)
         near = np.abs(np.log(np.abs(true))) < np.log(_JUDGED)
+        near &= (axis == "ped") | (sizes[axis] * moved > _MOVES)
         ratio, at = curve.response[near] / true[near], curve.frequency[near]
         decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
         for name, off, bar in ("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES):
@@ -293,7 +297,7 @@ def judged_loops(log: Path, *, own: bool) -> list[str]:
     hover, parameters = throttle(opened, start, stop), opened.parameters()
     law = flown_law(opened, start)
     plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
-    found = figures(flown.margins(), plant, law)
+    found = figures(flown, plant, law)
     print(f"\nloops as flown: {log}")
     common.table(
         ":<6|:<14|measured:9.3f|95 % from:9.3f|to:9.3f|exact:9.3f| :<7|off:+8.3f|:<12",

@@ -18,12 +18,9 @@ from helisim.base.files import atomic_write
 from helisim.logs.examples import FOLDER
 from helisim.records import record as channels
 
-RATE = 50.0
-"""Hz: seven samples to the period of 42 rad/s, the highest frequency of the roll-pitch fit."""
-ANTIALIAS = 20.0
-DURATION = 45.0
-SEED = 11
-LOGGER_SEED = 13
+# Hz: seven samples to the period of 42 rad/s, the highest frequency of the roll-pitch fit.
+RATE, ANTIALIAS, DURATION = 50.0, 20.0, 45.0
+SEED, LOGGER_SEED = 11, 13
 RESOLUTION = {
     **dict.fromkeys((*channels.SERVOS, *channels.IN2), 0.001),
     **dict.fromkeys(channels.RATES, 0.002),

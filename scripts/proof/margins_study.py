@@ -20,8 +20,7 @@ from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import SWEEPS, TRIM_TIME, sweep
 from helisim.handling.measured.interval import figures_of
 
-WANTED = 0.94
-_BATCH = 10
+WANTED, _BATCH = 0.94, 10
 _FINE = np.geomspace(1.0, 400.0, 2000)
 _KINDS = dict.fromkeys(("DRB", "DRP"), "disturbance")
 _KINDS |= dict.fromkeys(("bandwidth", "phase_delay"), "command")

@@ -412,14 +412,12 @@ def off(found, axis):
 
 def test_the_loop_is_the_laws_and_the_helicopters_and_what_disturbs_it_is_told(tmp_path):
     """0.1 dB and 1 deg are what 24 s of a sweep leave at its lowest end."""
-    found = flown_loops(Flown().fly(10).save(tmp_path))
-    decibel, degrees = off(found.margins(draws=2), "lat")
-    assert np.abs(decibel).max() < 0.1
-    assert np.abs(degrees).max() < 1.0
-    assert not found.remarks
-    # a pilot who brings back what drifts off is part of the loop that is measured
-    found = flown_loops(Flown(pilot=0.5).fly(10).save(tmp_path))
-    assert any("the pilot moved that stick too" in one for one in found.remarks)
+    for pilot in (0.0, 0.3):  # he brings back what drifts off: 8 deg, were it not taken out
+        found = flown_loops(Flown(pilot=pilot).fly(10).save(tmp_path))
+        decibel, degrees = off(found.margins(draws=2), "lat")
+        assert np.abs(decibel).max() < 0.1
+        assert np.abs(degrees).max() < 1.0
+        assert not found.remarks
     log = Flown().fly(10)
     log.write(1, log.us, b"ATC_RAT_RLL_P", 0.3, 0.3)
     found = flown_loops(log.fly(10).save(tmp_path))

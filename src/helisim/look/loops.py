@@ -10,8 +10,8 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
 from helisim.base.arrays import Real
-from helisim.base.errors import LogError
-from helisim.handling.arducopter import ArduCopterLaw
+from helisim.base.errors import InputError, LogError
+from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
@@ -29,7 +29,6 @@ LOGGED = {
 """Axis -> field of RATE to the mixer, message of its PID, attitude target."""
 _GAINS = ("ATC_RAT_", "ATC_ANG_")  # parameters of the rate and attitude loops begin so
 _TERMS = ("P", "I", "D", "FF", "DFF")
-_STILL = 0.5  # deg, by which the attitude that is aimed at may move
 # _LOST: share of rows that may be lost without a word
 # _SLOWEST: s: a log with longer steps shows no loop
 _LOST, _SLOWEST = 0.02, 0.02
@@ -49,7 +48,8 @@ class FlownLoops:
         fields = {cut.axis: LOGGED[cut.axis] for cut in self.cuts}
         lines = [
             *(one for path, found in self.logs.items() for one in (f"{path}:", *map(str, found))),
-            "cut at the actuators, where 1 is full command of the mixer:",
+            "cut at the actuators, where 1 is full command of the mixer, less what the pilot's "
+            "sticks command by the law's parameters:",
             *(
                 f"  {axis}: goes on = RATE.{output}, injected = SIDD.Targ, a tick later, comes "
                 f"back = {pid}'s {', '.join(_TERMS)}"
@@ -151,11 +151,10 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
     period = tick * max(1, round(period / tick))  # of a loop whose ticks needn't be even
     if lost > _LOST:
         remarks.append(f"{lost:.0%} of RATE's rows are missing while sweeping")
-    aims = next((log.table(name) for name in ("ANG", "ATT") if name in log), None)
     found = []
     for sweep, (start, stop) in zip(used, spans):
         axis, time = sweep.sid_axis.control, np.arange(start + period, stop, period)
-        output, pid, aim = LOGGED[axis]
+        output, pid, _ = LOGGED[axis]
         both = _returned(log.table(pid), rate, output, time, tick) if pid in log else None
         lines = [_added(log, rate, tick), *(both or [line(rate.time, rate[output])])]
         gone = np.column_stack([in_gaps(stamps, time, period) for stamps, _ in lines])
@@ -165,21 +164,37 @@ def _records(log: DataFlash, used: Sequence[FlownSweep], remarks: list[str]) -> 
         if both is None:
             values = np.column_stack([values, values[:, 1] - values[:, 0]])
             gone = np.column_stack([gone, gone.any(axis=1)])
+        try:
+            values[:, 2] -= _asked(log, time)[:, COMMANDS.index(axis)]
+        except (InputError, LogError) as error:
+            remarks.append(f"{sweep.sid_axis}: what the pilot's sticks command stays in: {error}")
         names = (f"{axis}_disturbance", f"{axis}_sum", axis)
-        channels = tuple(Channel(name, "1", "OTHER") for name in names)
         steps = np.arange(time.size, dtype=np.float64) * period
-        lost = {"missing": told(steps, names, gone)} if gone.any() else {}
-        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict(), **lost}
+        made = {"made_by": "ArduCopter", "sweep": sweep.to_dict()}
+        made |= {"missing": told(steps, names, gone)} if gone.any() else {}
+        channels = tuple(Channel(name, "1", "OTHER") for name in names)
         found.append(FlightRecord(steps, values, channels, made))
-        if aims is not None and aim in aims.columns:
-            here = (aims.time >= time[0]) & (aims.time <= time[-1])
-            asked = np.unwrap(np.asarray(aims[aim], np.float64)[here], period=360.0)
-            if asked.size and np.ptp(asked) > _STILL:
-                remarks.append(
-                    f"{sweep.sid_axis}: the pilot moved that stick too: his answer is part of the "
-                    "loop that is measured"
-                )
     return found
+
+
+def _asked(log: DataFlash, time: Real) -> Real:
+    """Return what the pilot's sticks add to the commands at times, (n_time, 3), of full command.
+
+    It is the law's response to the attitude that is aimed at. Raises InputError, LogError.
+    """
+    law, angles = flown_law(log, time[0]), log.table("ANG" if "ANG" in log else "ATT")
+    ticks = np.arange(time[0], time[-1] + law.period, law.period)
+    aim = np.array(
+        [
+            _between(*line(angles.time, np.unwrap(np.radians(angles[name]))), ticks)
+            for *_, name in LOGGED.values()
+        ]
+    )
+    moves = np.gradient(aim, law.period, axis=1) * (law.input_time is not None)
+    added = law.ticked.select(ADDED, COMMANDS).simulate(
+        law.wanted(aim - aim.mean(axis=1, keepdims=True), moves).T
+    )
+    return np.column_stack([np.interp(time, ticks, one) for one in added.T])
 
 
 def _added(log: DataFlash, rate: Table, tick: float) -> Line:
