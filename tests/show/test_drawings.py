@@ -215,11 +215,11 @@ def test_a_table_reads_as_expected_on_the_terminal_and_on_the_page():
     )
     assert as_text(tables.comparison(shown)).splitlines() == [
         "rollpitch_in1: from IN1, 3 to 30 rad/s, average cost 1.23",
-        "parameter  unit   paper      truth  identified  CR %  support  agreement",
-        "-" * 72,
-        "L_b        1/s^2  539.5      539.5       541.2   3.1  good     agrees",
-        "tau_lon    s          -  -0.008300   -0.008500   3.1  good     agrees",
-        "bias       1/s^2      -          -       1.000     -  -        not judged",
+        "parameter  unit   paper      truth  identified  s.e.  CR %  support  agreement",
+        "-" * 78,
+        "L_b        1/s^2  539.5      539.5       541.2     -   3.1  good     agrees",
+        "tau_lon    s          -  -0.008300   -0.008500     -   3.1  good     agrees",
+        "bias       1/s^2      -          -       1.000     -     -  -        not judged",
         "given: nothing",
     ]
 

@@ -246,10 +246,11 @@ def _experiment(results: Results) -> str:
 
 def _results_tables(run: Run) -> str:
     lead = (
-        "CR is the Cramér-Rao bound and insens. the insensitivity, percent of the identified "
-        "value, by the conventions of CIFER; the paper's own bounds stand beside. Up to 20 % "
-        "and 10 % the data's support of a parameter is good. Agreement says whether the value is "
-        "within its tolerance of truth and paper: neither follows from the other."
+        "s.e. is the standard error; CR, the Cramér-Rao bound, and insens., the insensitivity, are "
+        "in percent of the identified value, by the conventions of CIFER; the paper's own bounds "
+        "stand beside. Up to 20 % and 10 % the data's support of a parameter is good. Agreement "
+        "says whether the value is within its tolerance of truth and paper: neither follows from "
+        "the other."
     )
     parts = [paragraph(lead, "note"), _meanings()]
     for one in run.results.tables:

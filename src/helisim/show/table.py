@@ -9,19 +9,19 @@ from dataclasses import dataclass
 WIDTH = 80  # columns of a terminal
 PERCENT = "percent"  # format of an uncertainty in percent: two significant digits
 NO_BREAK = "\u00a0"
-_COLUMN = re.compile(r"(.*?)(<)?(\*)?(?: \[(.*?)\])?$")
+_COLUMN = re.compile(r"(.*?)(<)?([*?])?(?: \[(.*?)\])?$")
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, which a terminal leaves out if it is `page_only`.
+    """One column of a table, which a terminal leaves out if it is "*", or "?" and has no room.
 
     `unit` is of the numbers, "" where each row has its own; `left` aligns texts to the left.
     """
 
     heading: str
     left: bool = False
-    page_only: bool = False
+    left_out: str = ""
     unit: str = ""
 
 
@@ -48,11 +48,12 @@ def table(
 ) -> Table:
     """Return a table with columns in short notation, "parameter<|from [rad/s]|how<*".
 
-    "<" aligns words to the left, "*" marks a column for pages only, a unit is in brackets.
+    "<" aligns words to the left, "*" marks a column for pages only, "?" one for terminals that have
+    room, too; a unit is in brackets.
     """
     parts = (_COLUMN.findall(one)[0] for one in notation.split("|"))
-    columns = tuple(Column(name, bool(left), bool(page), unit) for name, left, page, unit in parts)
-    return Table(title, columns, tuple(map(tuple, rows)), lead, tuple(notes))
+    columns = (Column(name, bool(left), out, unit) for name, left, out, unit in parts)
+    return Table(title, tuple(columns), tuple(map(tuple, rows)), lead, tuple(notes))
 
 
 def number(value: float | None, form: str = ".4g") -> str:
@@ -88,15 +89,16 @@ def interval_form(width: float, usual: str = ".3g") -> str:
     return f".{min(max(1 - math.floor(math.log10(width)), 0), 6)}f"
 
 
-def as_text(table: Table) -> str:
-    """Return a table as lines of at most 80 columns, without a final line end."""
-    kept = [k for k, column in enumerate(table.columns) if not column.page_only]
+def as_text(table: Table, left_out: str = "*") -> str:
+    """Return a table as lines of at most 80 columns, without a final line end.
+
+    Columns with one of the marks `left_out` aren't shown.
+    """
+    kept = [k for k, one in enumerate(table.columns) if one.left_out not in [*left_out]]
     columns = [table.columns[k] for k in kept]
-    lines = [[column.heading for column in columns]]
-    if any(column.unit for column in columns):
-        lines.append([column.unit for column in columns])
-    heads = len(lines)
-    lines += [[row[k] for k in kept] for row in table.rows]
+    units = [[one.unit for one in columns]] * any(one.unit for one in columns)
+    heads = [[one.heading for one in columns], *units]
+    lines = heads + [[row[k] for k in kept] for row in table.rows]
     widths = [max(map(len, column)) for column in zip(*lines)]
     gap = "  " if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
     texts = [
@@ -106,7 +108,9 @@ def as_text(table: Table) -> str:
         ).rstrip()
         for line in lines
     ]
-    texts.insert(heads, "-" * max(map(len, texts[:heads])))
+    if max(map(len, texts)) > WIDTH and left_out == "*":
+        return as_text(table, "*?")
+    texts.insert(len(heads), "-" * max(map(len, texts[: len(heads)])))
     title = f"{table.title}: {table.lead}" if table.lead else table.title
     notes = [filled(text, f"{label}: " if label else "") for label, text in table.notes]
     return "\n".join([*([title] if title else []), *texts, *notes])

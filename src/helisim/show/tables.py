@@ -78,7 +78,7 @@ def comparison(shown: ComparisonTable) -> Table:
         shown.name,
         "parameter<|unit<|paper"
         + "*" * all(row.paper is None for row in shown.parameters)
-        + f"|{shown.truth}|identified|std. error*|CR %|insens. %*|paper CR %*|support<|agreement<",
+        + f"|{shown.truth}|identified|s.e.?|CR %|insens. %*|paper CR %*|support<|agreement<",
         (_compared(shown.name, row) for row in shown.parameters),
         f"from {shown.input}, {low:.3g} to {high:.3g} rad/s, average cost {shown.cost:.3g}",
         notes,
