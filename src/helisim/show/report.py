@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from helisim.base.files import make_folder
 from helisim.handling.loop import NoResponse, axis_of
@@ -19,8 +20,10 @@ from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_over_time, draw_pair, draw_verifications, pairs_of
 from helisim.show.table import numbers, table
 from helisim.study.errata import errata
-from helisim.study.log_tune import LogTuning
 from helisim.study.results import IdentifiedModel, Results, Run, read_run
+
+if TYPE_CHECKING:  # slow to import
+    from helisim.study.log_tune import LogTuning
 
 FIGURES = "figures"
 REPORT = "report.html"
@@ -66,10 +69,9 @@ def write_fit_report(
     `records` have the fit's inputs and outputs; `verification` is of unseen flights.
     """
     item = IdentifiedModel(fit.structure.name, fit, verification=verification)
-    signals = (*fit.structure.inputs, *fit.structure.outputs)
-    flights = []
+    own, flights = fit.structure, []
     for k, (name, record) in enumerate((records or {}).items()):
-        flights.append(draw_flight(f"flight_{k}", name, record, signals))
+        flights.append(draw_flight(f"flight_{k}", name, record, (*own.inputs, *own.outputs)))
         on_progress(name)
     low, high = fit.band
     lead = (
@@ -111,7 +113,7 @@ def write_margins_report(path: str | Path, found: MeasuredMargins) -> Path:
     )
 
 
-def write_flight_report(path: str | Path, found: LogTuning) -> Path:
+def write_flight_report(path: str | Path, found: "LogTuning") -> Path:
     """Write a page on an autopilot's flight, its models, loops and new gains; return its path.
 
     Raises StorageError.
