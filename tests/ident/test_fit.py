@@ -68,8 +68,7 @@ def test_printed_cost_is_the_average_and_accuracy_uses_the_sum():
 def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond(low, high, ends):
     free = structures.heave.with_bounds({"Z_w": None}).with_starts({"Z_w": 0.5 * (low + high)})
     fit = identify(of_model(structures.heave, HEAVE), free.with_bounds({"Z_w": (low, high)}))
-    assert fit.at_bound == ends
-    assert ("at bound" in str(fit)) == bool(ends)
+    assert (fit.at_bound, "at bound" in str(fit)) == (ends, bool(ends))
 
 
 def test_what_the_data_do_not_see_is_called_poor():

@@ -51,8 +51,7 @@ def test_every_field_of_rotorflight_is_read(tmp_path):
     log = Blackbox(saved(tmp_path, encode(columns)))
     check(log, columns)
     np.testing.assert_array_equal(np.rint(1e6 * log.time()), columns["time"])
-    assert log.header["rollPID"] == "50,100,0,100,0"
-    assert log.firmware == "Rotorflight 4.6.0"
+    assert (log.header["rollPID"], log.firmware) == ("50,100,0,100,0", "Rotorflight 4.6.0")
     assert not log.source.findings
 
 

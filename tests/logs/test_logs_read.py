@@ -94,8 +94,7 @@ def test_layouts_and_columns_that_state_their_unit(tmp_path):
     assert read_log(path, channels=P, time=Clock(rate=50.0)).record.sample_time == 0.02
     path = table(tmp_path / "a.csv", [0, 1], [1, 2], [3, 4], header="time (ms),q [deg/s],note")
     log = read_log(path)
-    assert log.record.names == ("q",)
-    assert log.report.unused == ("note",)
+    assert (log.record.names, log.report.unused) == (("q",), ("note",))
     assert "unused" not in str(log.report)
 
 
@@ -187,8 +186,7 @@ def test_a_map_is_read_from_toml(tmp_path):
     map_ = Map.from_toml(path)
     assert map_.channels["p"] == Column("gyro_x", "deg/s", sign=-1)
     assert map_.channels["q"] == Column("q", "rad/s")
-    assert map_.time == Clock("t", "us")
-    assert map_.file.delimiter == ";"
+    assert (map_.time, map_.file.delimiter) == (Clock("t", "us"), ";")
 
 
 # What a flight's channels can't be: units, signs and axes, told from the data alone.
@@ -238,6 +236,10 @@ def test_rates_and_angles_in_another_unit_are_told():
     assert float(one.text.split()[2]) == pytest.approx(57.3, rel=0.03)
     columns = flight() | {name: flight()[name] / RAD_PER_DEG for name in ANGLES}
     assert options(columns) == {f"--channel {name}={name}_raw:deg" for name in ("phi", "theta")}
+    turning = {"p": 3.0 * np.gradient(flight()["phi"], 0.01), "phi": 3.0 * flight()["phi"]}
+    assert options(turning) == set()  # in rad, beyond half a turn
+    both = {name: one / 3.0 / RAD_PER_DEG for name, one in turning.items()}
+    assert options(both) == {"--channel p=p_raw:deg/s", "--channel phi=phi_raw:deg"}
     degrees = {name: Column(f"{name}_raw", "deg") for name in ANGLES}
     gentle = flight(size=0.2)
     columns = gentle | {name: RAD_PER_DEG * gentle[name] for name in ANGLES}

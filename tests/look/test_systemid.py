@@ -456,14 +456,12 @@ def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):
     path = Flown().fly(10).fly(12).save(tmp_path)
     assert main(["margins", str(path), "--quiet"]) == 0
     text = capsys.readouterr().out
-    assert "lat: goes on = RATE.ROut" in text
-    assert "DRB" in text
-    assert "SID_F_STOP_HZ" in text  # the gain margin of yaw lies above 8 Hz
+    # the gain margin of yaw lies above 8 Hz
+    assert all(one in text for one in ("lat: goes on = RATE.ROut", "DRB", "SID_F_STOP_HZ"))
     words = ["--axis", "yaw", "--band", "5", "40", "--quiet"]
     assert main(["margins", str(path), *words]) == 0
     text = capsys.readouterr().out
-    assert "ped   actuators" in text
-    assert "lat   actuators" not in text
+    assert [f"{one}   actuators" in text for one in ("ped", "lat")] == [True, False]
 
 
 @tabled("axis", "words", "without", "said")

@@ -130,12 +130,13 @@ class Channels(NamedTuple):
 def implausible(channels: Channels) -> list[LogFinding]:
     """Return findings on channels whose unit, sign or axis can't be as declared."""
     with np.errstate(all="ignore"):
-        found = [*_sizes(channels), *_gravity(channels)]
+        pairs = _likenesses(channels)
+        found = [*_sizes(channels, pairs), *_gravity(channels)]
         known = {one.remedy for one in found}
-        return found + [one for one in _rates(channels) if one.remedy not in known]
+        return found + [one for one in _rates(channels, pairs) if one.remedy not in known]
 
 
-def _sizes(channels: Channels) -> Iterator[LogFinding]:
+def _sizes(channels: Channels, pairs: Mapping[tuple[str, str], "Likeness"]) -> Iterator[LogFinding]:
     for name, column in channels.declared.items():
         values = channels.columns[name]
         if name not in (*IN1, *IN2, *LARGEST) or channels.factor(name) != 1.0:
@@ -146,15 +147,28 @@ def _sizes(channels: Channels) -> Iterator[LogFinding]:
         if name not in LARGEST and PULSES[0] <= low and high <= PULSES[1]:
             trim = float(f"{np.median(np.abs(values)):.0f}")
             pulse = replace(column, unit=PULSE, trim=trim, range=PULSE_RANGE)
-            text = f"{says}: a radio's pulses, us, whose trim and range are yours"
-            yield LogFinding("unit", text, (pulse.option(name),))
+            yield LogFinding(
+                "unit",
+                f"{says}: a radio's pulses, us, whose trim and range are yours",
+                (pulse.option(name),),
+            )
         elif name not in LARGEST and high > UNITISED:
-            text = f"{says}: a percentage, or its range is another one"
-            yield LogFinding("unit", text, (channels.to_try(name, unit="percent"),))
-        elif name in LARGEST and _in_degrees(name, values, channels.step, largest):
+            yield LogFinding(
+                "unit",
+                f"{says}: a percentage, or its range is another one",
+                (channels.to_try(name, unit="percent"),),
+            )
+        elif (
+            name in LARGEST
+            and _in_degrees(name, values, channels.step, largest)
+            and not _counts_turns(name, channels, pairs)
+        ):
             unit = "deg/s" if name in RATES else "deg"
-            text = f"{says}, more than it can: column {column.column!r} is in {unit}"
-            yield LogFinding("unit", text, (channels.to_try(name, unit=unit),))
+            yield LogFinding(
+                "unit",
+                f"{says}, more than it can: column {column.column!r} is in {unit}",
+                (channels.to_try(name, unit=unit),),
+            )
 
 
 def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
@@ -164,6 +178,20 @@ def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
     angle = np.fft.rfft(values - np.mean(values))[omega > _SLOWEST] / omega[omega > _SLOWEST]
     swing = float(np.sqrt(2.0 * np.sum(np.abs(angle) ** 2)) / values.size)
     return name in RATES and values.size >= _LONG and _WIDE < swing <= _WIDE / RAD_PER_DEG
+
+
+def _counts_turns(
+    name: str, channels: Channels, pairs: Mapping[tuple[str, str], "Likeness"]
+) -> bool:
+    """Return whether an angle goes beyond half a turn as its rate, which isn't in deg/s, says."""
+    return any(
+        (one, ANGLES[one]) == (other, name)
+        and like.sure
+        and not like.off
+        and not _in_degrees(one, values, channels.step, float(np.max(np.abs(values))))
+        for (one, other), like in pairs.items()
+        for values in [channels.columns[one]]
+    )
 
 
 def _gravity(channels: Channels) -> Iterator[LogFinding]:
@@ -180,29 +208,33 @@ def _gravity(channels: Channels) -> Iterator[LogFinding]:
         yield LogFinding("unit" if unit else "sign", text, remedy)
 
 
-def _rates(channels: Channels) -> list[LogFinding]:
-    named = [name for name in RATES if name in channels.declared]
-    rates = [name for name in named if ANGLES[name] in channels.columns]
+def _likenesses(channels: Channels) -> dict[tuple[str, str], "Likeness"]:
+    """Return how each rate is like its own angle's slope and others'; none in too short a log."""
+    rates = [one for one in RATES if one in channels.declared and ANGLES[one] in channels.columns]
     columns = [channels.columns[one] for name in rates for one in (name, ANGLES[name])]
     if not rates or not np.all(np.abs(columns) < 1e100):  # squares have a sum
-        return []
+        return {}
     low, high = 2.0 * math.pi / channels.step * np.array([_LOWEST / columns[0].size, _HIGHEST])
     if low > 0.5 * high:
-        return []
+        return {}
     ratio, error, share = slope_matrix([(channels.columns, channels.step)], rates, (low, high))
     sure = (error < _UNSURE * np.abs(ratio)) & (share > _MAINLY)
-    pairs = {
+    return {
         (one, other): Likeness(float(ratio[k, n]), float(error[k, n]), bool(sure[k, n]))
         for k, one in enumerate(rates)
         for n, other in enumerate(rates)
     }
+
+
+def _rates(channels: Channels, pairs: Mapping[tuple[str, str], "Likeness"]) -> list[LogFinding]:
+    rates = [one for one, other in pairs if one == other]
     for order in permutations(rates):
         moved = [(one, other) for one, other in zip(rates, order) if one != other]
         if moved and all(pairs[pair].sure and not pairs[pair[0], pair[0]].sure for pair in moved):
             text = ", ".join(_said(one, other, pairs[one, other]) for one, other in moved)
             remedy = tuple(_as(channels, one, other, pairs[one, other]) for one, other in moved)
             return [LogFinding("axes", f"columns are swapped: {text}", remedy)]
-    found = (_own(channels, one, pairs[one, one]) for one in rates if pairs[one, one].sure)
+    found = [_own(channels, one, pairs[one, one]) for one in rates if pairs[one, one].sure]
     return [one for one in found if one is not None]
 
 
@@ -242,7 +274,7 @@ def _own(channels: Channels, name: str, like: Likeness) -> LogFinding | None:
         ("sign", flip, f"the sign of {name} or {angle} is wrong", remedy),
         ("scale", abs(math.log(size)) > _SCALE, "the scale of either, or of time, is wrong", ()),
     )
-    found = (
-        LogFinding(kind, f"{said}: {text}", helps) for kind, holds, text, helps in rules if holds
+    return next(
+        (LogFinding(kind, f"{said}: {text}", helps) for kind, holds, text, helps in rules if holds),
+        None,
     )
-    return next(found, None)
