@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from helisim.logs import Log
     from helisim.look.systemid import Inferred, InferredFit
 
-_TRANSFER = re.compile(r"tf:(\d{1,2})/(\d{1,2})$")
 _GENERIC = {
     "tf:ZEROS/POLES": "transfer function with delay, such as tf:1/2, of any input and output",
 }
@@ -451,16 +450,11 @@ def find_structure(
     """Return a structure by its built-in name, as a transfer function, or from a TOML file."""
     from helisim.ident import Structure, structures
 
-    if name in structures.BUILT_IN:
-        return structures.named(name)
-    match = _TRANSFER.match(name)
-    if match is not None:
-        if len(inputs) != 1 or len(outputs) != 1:
-            raise InputError(f"{name} needs one input and one output: --inputs A --outputs B")
-        zeros, poles = map(int, match.groups())
-        return structures.transfer_function(
-            zeros=zeros, poles=poles, input=inputs[0], output=outputs[0]
-        )
-    if name.lower().endswith(".toml") or os.path.isfile(name):
+    if name not in structures.BUILT_IN and (name.lower().endswith(".toml") or os.path.isfile(name)):
         return Structure.from_toml(name)
-    raise UnknownNameError("structure", name, (*structures.BUILT_IN, *_GENERIC, "FILE.toml"))
+    try:
+        return structures.named(name, inputs, outputs)
+    except UnknownNameError:
+        raise UnknownNameError(
+            "structure", name, (*structures.BUILT_IN, *_GENERIC, "FILE.toml")
+        ) from None

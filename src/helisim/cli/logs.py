@@ -1,7 +1,6 @@
 """Commands that read flight logs: look at them, estimate their frequency responses, draw them."""
 
 import shlex
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -149,26 +148,21 @@ def estimate(
 
     Where the inputs' sticks are recorded and excite them, they are the reference.
     """
-    from helisim.ident import frequency_response
-    from helisim.ident.frf import FlagWarning, excited_sticks, resolved_band, worth_more
+    from helisim.ident.frf import estimated
 
-    records = records_of(logs)
-    low, high = options.band or resolved_band(records)
-    reference = options.reference or excited_sticks(records, (*inputs, *options.conditioning))
-    with warnings.catch_warnings(), located(logs):
-        warnings.simplefilter("ignore", FlagWarning)  # they are among the flags
-        response = frequency_response(
-            records,
+    with located(logs):
+        response = estimated(
+            records_of(logs),
             inputs=inputs,
             outputs=outputs,
             conditioning=options.conditioning,
-            reference=() if reference == ("none",) else reference,
-            band=(low, high),
+            reference=options.reference,
+            band=options.band and tuple(options.band),
             use_ended=options.use_ended,
             estimator=options.estimator or "local",
         )
     advance("frequency responses")
-    return response if options.reference else worth_more(response)
+    return response
 
 
 def frf(o: Options) -> None:

@@ -181,7 +181,7 @@ def residual(cost: Cost, x: Real, noise: Real | None, ratio: float | None) -> Re
     )
 
 
-Degenerate = tuple[tuple[str, ...], frozenset[str]]
+Degenerate = tuple[tuple[str, ...], frozenset[str], str]
 
 
 def degenerate(
@@ -193,24 +193,25 @@ def degenerate(
 ) -> Degenerate:
     """Return whether a fit has poles beyond the band, cancelled ones, or too high an order.
 
-    `bounds` are Cramér-Rao's, (n_free,); `fitted` fits another structure to the same points.
+    What is told, the parameters' names, and the lower order, such as "tf:1/2", or "". `bounds` are
+    Cramér-Rao's, (n_free,); `fitted` fits another structure to the same points.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         unknown = bounds >= np.abs(best.x)  # only then are lower orders tried
     if not np.any(unknown):
-        return (), frozenset()
+        return (), frozenset(), ""
     form = rational_form(cost.structure)
     if form is None or any(one.fixed for one in cost.structure.parameters):
         return _far_poles(cost, best.x, unknown)
     lower = _lower_order(cost, best, form, squares, fitted)
     if lower is None:
-        return (), frozenset()
+        return (), frozenset(), ""
     zeros, poles, average = lower
     advice = (
         f"degenerate: the data do not see all of its coefficients; fit tf:{zeros}/{poles} instead, "
         f"whose J of {average:.4g} is no worse but for noise"
     )
-    return (advice,), frozenset(cost.structure.names)
+    return (advice,), frozenset(cost.structure.names), f"tf:{zeros}/{poles}"
 
 
 def _lower_order(
@@ -251,15 +252,15 @@ def _far_poles(cost: Cost, x: Real, unknown: NDArray[np.bool_]) -> Degenerate:
     numbers = cost.structure.matrices(cost.values(x))
     f, m = numbers["F"], numbers["M"]
     if not (lost and f.size and np.all(np.isfinite(f + m))):
-        return (), frozenset()
+        return (), frozenset(), ""
     worst = float(np.max(np.abs(eigvals(f, m))))
     if not worst > _FAR * top:
-        return (), frozenset()
+        return (), frozenset(), ""
     advice = (
         f"degenerate: a pole at {worst:.3g} rad/s is far above the band's {top:.3g} rad/s, and the "
         f"data do not see what puts it there; fix {' or '.join(lost)}, or leave that lag out"
     )
-    return (advice,), frozenset([*lost, *(set(cost.names) & late)])
+    return (advice,), frozenset([*lost, *(set(cost.names) & late)]), ""
 
 
 def delay_names(structure: Structure) -> set[str]:

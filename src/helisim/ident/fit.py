@@ -71,7 +71,7 @@ def identify(
 
     best, agreeing = fitted(cost, searches)
     quality = accuracy(cost, best.x, standardised=standardised)
-    advice, collapsed = degenerate(
+    advice, collapsed, lower = degenerate(
         cost,
         best,
         quality.cramer_rao,
@@ -99,6 +99,7 @@ def identify(
         converged=best.converged,
         searches_agreeing=agreeing,
         degenerate=advice,
+        lower=lower,
         omitted=tuple(
             Note(
                 "lag",

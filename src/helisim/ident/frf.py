@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,6 +229,35 @@ def excited_sticks(records: Sequence[FlightRecord], inputs: Sequence[str]) -> tu
     sticks = tuple(STICKS.get(name, "") for name in inputs)
     there = all(name in one for one in records for name in sticks)
     return sticks if there and all(any(np.ptp(o[n]) > 0.0 for o in records) for n in sticks) else ()
+
+
+def estimated(
+    records: Sequence[FlightRecord],
+    *,
+    inputs: Sequence[str],
+    conditioning: Sequence[str] = (),
+    reference: Sequence[str] = (),
+    band: tuple[float, float] | None = None,
+    **how: Any,
+) -> FrequencyResponse:
+    """Return the response of records; without a reference, by the inputs' sticks if they excite it.
+
+    `reference` ("none",) is the direct estimate; the default `band` is what the records resolve.
+    Warnings are among its flags alone. Raises as `frequency_response`, whose options are `how`.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlagWarning)
+        response = frequency_response(
+            records,
+            inputs=inputs,
+            conditioning=conditioning,
+            reference=()
+            if tuple(reference) == ("none",)
+            else reference or excited_sticks(records, (*inputs, *conditioning)),
+            band=band or resolved_band(records),
+            **how,
+        )
+    return response if reference else worth_more(response)
 
 
 def worth_more(joint: FrequencyResponse) -> FrequencyResponse:

@@ -64,7 +64,8 @@ class Fit(Checked, Value, Displayed):
 
     `correlation` and `covariance` of the free parameters are (n_free, n_free), the latter infinite
     for unseen ones; `carried` (n_free, n_known) is the error for one standard error of each known
-    one; `searches_agreeing` starts ended in this minimum; `residual` is beyond noise.
+    one; `searches_agreeing` starts ended in this minimum; `residual` is beyond noise; where the
+    order is too high `lower` is the one to fit instead, such as "tf:1/2".
     """
 
     structure: Structure
@@ -80,6 +81,7 @@ class Fit(Checked, Value, Displayed):
     carried: NDArray[np.float64] | None = setting(None, finite=False)
     residual: Residual | None = None
     degenerate: tuple[str, ...] = ()
+    lower: str = ""
     omitted: tuple[Note, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=versions)
@@ -370,6 +372,7 @@ class Fit(Checked, Value, Displayed):
             "acceptable": self.acceptable,
             "searches_agreeing": self.searches_agreeing,
             "degenerate": list(self.degenerate),
+            "lower": self.lower,
             "omitted": to_plain(self.omitted),
             "verdict": self.verdict.to_dict(),
             "method": self.method,
@@ -428,6 +431,7 @@ class Fit(Checked, Value, Displayed):
             carried=_matrix(given.get("carried"), (free, len(structure.uncertain)), "carried"),
             residual=left,
             degenerate=filed["degenerate"],
+            lower=convert(str, given.get("lower", ""), "lower"),
             omitted=convert(tuple[Note, ...], given.get("omitted", ()), "omitted"),
             options=convert(_Table, filed["provenance"].get("options", {}), "options"),
             versions=convert(Mapping[str, str], filed["provenance"].get("versions"), "versions"),

@@ -1,10 +1,11 @@
 """Built-in structures; starts are orders of magnitude for a small helicopter."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from helisim.base.errors import item_of
+from helisim.base.errors import InputError, item_of
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident.structure import MATRICES, Parameter, Structure
 from helisim.ident.transfer import delay_parameter, transfer_function
@@ -29,6 +30,8 @@ __all__ = [
     "yaw_overall",
     "yaw_sway",
 ]
+
+_TRANSFER = re.compile(r"tf:(\d{1,2})/(\d{1,2})$")
 
 _LAG = (1e-3, 1.0)  # s: from far below to far above any lag of rotor or inflow
 _BESIDE = (-3.0, 1.0)  # 1/s: damping of fuselage and tail besides the rotor
@@ -415,6 +418,15 @@ BUILT_IN: dict[str, Structure] = {
 }
 
 
-def named(name: str) -> Structure:
-    """Return a built-in structure. Raises UnknownNameError."""
-    return item_of(BUILT_IN, name, "structure")
+def named(name: str, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Structure:
+    """Return a built-in structure, or a transfer function such as "tf:1/2" of one input and output.
+
+    Raises UnknownNameError, InputError.
+    """
+    if (match := _TRANSFER.match(name)) is None:
+        return item_of(BUILT_IN, name, "structure")
+    if len(inputs) != 1 or len(outputs) != 1:
+        raise InputError(f"{name} needs one input and one output", remedy="inputs,outputs")
+    return transfer_function(
+        zeros=int(match[1]), poles=int(match[2]), input=inputs[0], output=outputs[0]
+    )

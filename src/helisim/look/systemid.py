@@ -2,7 +2,6 @@
 
 import cmath
 import math
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -19,7 +18,7 @@ from helisim.base.settings import FrozenMap, to_plain
 from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.ident import FrequencyResponse, Structure, identify
 from helisim.ident.conditions import Conditions
-from helisim.ident.frf import FlagWarning, frequency_response
+from helisim.ident.frf import estimated
 from helisim.ident.windows import lowest_line
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.mapping import Column, Map
@@ -633,21 +632,20 @@ def estimate_fits(
 ) -> tuple[FrequencyResponse, ...]:
     """Return the frequency response of each fit, by the joint input-output method.
 
-    `estimator` is "local" or "windows". Raises IdentificationError.
+    A fit without references has the inputs' sticks, where they excite it. `estimator` is "local" or
+    "windows". Raises IdentificationError.
     """
     found = []
     for fit in fits:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FlagWarning)
-            response = frequency_response(
-                records,
-                inputs=fit.inputs,
-                outputs=fit.outputs,
-                conditioning=fit.conditioning,
-                reference=fit.reference,
-                band=fit.band,
-                estimator=estimator,
-            )
+        response = estimated(
+            records,
+            inputs=fit.inputs,
+            outputs=fit.outputs,
+            conditioning=fit.conditioning,
+            reference=fit.reference,
+            band=fit.band,
+            estimator=estimator,
+        )
         # steps of a controller's command, or of pulses in whole microseconds, are no spikes
         stepped = [repr(name) for name in (*fit.inputs, *fit.conditioning, *fit.reference)]
         flags = (
