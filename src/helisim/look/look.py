@@ -10,7 +10,11 @@ from typing import Any
 from helisim.base.errors import HelisimError, InputError
 from helisim.base.note import Option
 from helisim.base.settings import to_plain
+from helisim.ident import identify, identify_records
+from helisim.ident.frf import resolved_band
+from helisim.ident.likelihood import falls_short
 from helisim.ident.rational import OF_FORCES, ORDERS, order
+from helisim.ident.structures import named
 from helisim.ident.windows import lowest_line
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.report import OURS, LogFinding
@@ -59,8 +63,10 @@ class Proposal:
     options: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def __str__(self) -> str:
-        said = [f"{name} {' '.join(values)}" for name, values in self.options]
-        return "; ".join([f"{self.command} {' '.join(self.logs)}", *said])
+        return "; ".join(
+            f"{name} {' '.join(values)}"
+            for name, values in ((self.command, self.logs), *self.options)
+        )
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,7 @@ class Look:
     proposal: Proposal | None
 
     def __str__(self) -> str:
-        said = "nothing to run next" if self.proposal is None else f"run next:\n  {self.proposal}"
+        said = f"run next:\n  {self.proposal}" if self.proposal else "nothing to run next"
         return "\n".join([*map(str, self.logs), "", said])
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,9 +115,8 @@ def look(
         raise InputError("no logs were given; expected at least one file")
     options = Options(resample_hz, repair, max_gap, 0.0, start, stop)
     map_ = Map.of(channels, time)
-    found = _agreed([opened(Path(path), map_, options) for path in paths], map_, options)
-    looked = tuple(map(_looked, found))
-    return Look(looked, _proposal(looked, map_, options))
+    found = [opened(Path(path), map_, options) for path in paths]
+    return _concluded([*map(_looked, _agreed(found, map_, options))], map_, options)
 
 
 def _agreed(logs: Sequence[LogLook], map_: Map, options: Options) -> Iterator[LogLook]:
@@ -168,8 +173,7 @@ def _looked(log: LogLook) -> LogLook:
     found = tuple(one for one in found if one.input not in closed)
     said += loops(record, found, rates)
     if not found:
-        said.insert(
-            0,
+        said = [
             LogFinding(
                 "missing",
                 f"{' and '.join(closed)} moved as a controller's command does, and no vehicle "
@@ -181,9 +185,9 @@ def _looked(log: LogLook) -> LogLook:
                 "is",
                 (Option("channel", "lat=COLUMN:percent"),) * (not closed),
             ),
-        )
-        if any(one.name in CONTROLS for one in log.channels):
-            said.append(_instead(log, excited))
+            *said,
+            *([_instead(log, excited)] if {one.name for one in log.channels} & {*CONTROLS} else []),
+        ]
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
 
 
@@ -214,14 +218,14 @@ def _instead(log: LogLook, excited: Sequence[FoundExcitation]) -> LogFinding:
         for one in log.channels
         if one.name in (*CONTROLS, *RATES) and one.rate < least
     )
-    text = (
+    return LogFinding(
+        "fly",
         f"fly instead a sweep of {' and one of '.join(axes)}, thrice, of {_FLOWN:g} s from "
         f"{math.ceil(20.0 * math.pi * WINDOWS / _FLOWN) / 10.0:g} to {_FLOWN_TO:g} rad/s, other "
         f"controls at rest; log controls and rates at {least} Hz or more"
         + f", not as here: {slow} Hz"
-        * bool(slow)
+        * bool(slow),
     )
-    return LogFinding("fly", text)
 
 
 def _main(moved: Iterable[FoundExcitation | None]) -> tuple[FoundExcitation, ...]:
@@ -239,16 +243,47 @@ def _main(moved: Iterable[FoundExcitation | None]) -> tuple[FoundExcitation, ...
     return tuple(one for one in kept if _AXIS[one.channel] in driven)
 
 
-def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposal | None:
-    if all(any(not sweep.unused for sweep in one.sweeps) for one in looked):
-        return Proposal("identify", tuple(one.path for one in looked))  # they say themselves
-    usable = [one for one in looked if one.answers]
-    if not usable:
-        return None
-    structure, inputs, outputs = _choice(usable)
+def _concluded(looked: Sequence[LogLook], map_: Map, reading: Options) -> Look:
+    """Return a look with the first command that `identify` accepts, and why not those before it."""
+    if all(any(not sweep.unused for sweep in one.sweeps) for one in looked):  # they say themselves
+        return Look(tuple(looked), Proposal("identify", tuple(one.path for one in looked)))
+    usable, proposal, said = [one for one in looked if one.answers], None, list[LogFinding]()
+    for choice in _choices(usable):
+        try:
+            proposal = _proposal(usable, *choice, map_, reading)
+            break
+        except HelisimError as error:
+            inputs, outputs = (", ".join(names) for names in choice[1:])
+            said.append(LogFinding("refused", f"{outputs} over {inputs} gives no model: {error}"))
+    return Look(
+        tuple(
+            replace(
+                one,
+                findings=(
+                    *one.findings,
+                    *said,
+                    *([] if proposal else [_instead(one, one.excitations)]),
+                ),
+            )
+            if one.answers
+            else one
+            for one in looked
+        ),
+        proposal,
+    )
+
+
+def _proposal(
+    usable: Sequence[LogLook],
+    structure: str,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    map_: Map,
+    reading: Options,
+) -> Proposal:
+    """Return the command for a choice. Raises HelisimError if `identify` refuses it."""
     used = [one for one in usable if any(a.input in inputs for a in one.answers)]
-    transfer = structure.startswith("tf:")
-    if transfer and len({one.format for one in used}) > 1:
+    if structure.startswith("tf:") and len({one.format for one in used}) > 1:
         used = used[:1]
     # The sticks, where all were excited: in a closed loop, or where no other control has a part and
     # they are logged as fast. Records' sticks are references by themselves.
@@ -260,8 +295,8 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
         if one.kind == "loop" and (option := one.option)
     } & {*sticks}
     seen = {one.name: one for one in used[0].channels}
-    excited = {one.channel for log in used for one in log.excitations}
-    if not {*sticks} <= excited & seen.keys() or not (
+    moved = {one.channel for log in used for one in log.excitations if one.channel in seen}
+    if not {*sticks} <= moved or not (
         closed
         or (
             any(one.format != OURS for one in used)
@@ -276,58 +311,72 @@ def _proposal(looked: Sequence[LogLook], map_: Map, reading: Options) -> Proposa
     ]
     # The part of other controls is not the inputs'. Records have them all, and their references; of
     # one event the estimate is by likelihood, which takes none out.
-    apart = (
-        *({*inputs} <= {*IN1}, any(one.format != OURS for one in used), not closed),
-        *(said.kind != "event" for one in used for said in one.findings),
-    )
     held = (
         beside([part for one in used for part in one.records], inputs, outputs)
-        if all(apart)
+        if {*inputs} <= {*IN1}
+        and any(one.format != OURS for one in used)
+        and not closed
+        and all(said.kind != "event" for one in used for said in one.findings)
         else []
     )
     # angles tell a wrong clock or unit of rates
     sticks = () if held else sticks
     names = (*inputs, *held, *outputs, *sticks, *known)
-    used = [one for one in (alone(log, names, map_, reading) for log in used) if one.records]
-    if not used:
-        return None
+    used = [alone(log, names, map_, reading) for log in used]
     columns = names if any(one.format != OURS for one in used) else ()
-    event = [
-        (cut.name, (cut.value,))
+    event = {
+        cut.name: cut.value
         for one in used
         for said in one.findings
-        if said.kind == "event"
+        if said.kind == "event" and len(used) == 1
         for cut in said.remedy
         if isinstance(cut, Option)
-    ]
-    low, high = _band(used, inputs, outputs, joint=not columns or bool(sticks))
-    if transfer and outputs[0] in (*RATES, *ACCELERATIONS):
-        wanted = InferredFit(structure, inputs, outputs, tuple(held), sticks, (low, high), "")
-        structure = _followed([part for one in used for part in one.records], wanted)
-    short = [max(one.durations) for one in used if len(one.durations) < len(one.records)]
+    }
+    band = _band(used, inputs, outputs, joint=not columns or bool(sticks))
+    wanted = InferredFit(structure, inputs, outputs, tuple(held), sticks, band, "")
+    if structure.startswith("tf:") and outputs[0] in (*RATES, *ACCELERATIONS):
+        wanted = _followed([part for one in used for part in one.records], wanted)
+    longest = (max(one.durations) for one in used if len(one.durations) < len(one.records))
+    cut = replace(
+        reading,
+        min_duration=float(f"{SHORT * min(longest, default=0.0):.2g}"),
+        start=float(event["from"]) if event else reading.start,
+        stop=float(event["to"]) if event else reading.stop,
+    )
+    used = used if cut == reading else [alone(log, names, map_, cut) for log in used]
+    structure = _accepted([part for one in used for part in one.records], wanted, bool(event))
     options: list[tuple[str, tuple[str, ...]]] = [
         ("structure", (structure,)),
-        *([("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))] if transfer else ()),
+        *(
+            [("inputs", (",".join(inputs),)), ("outputs", (",".join(outputs),))]
+            if structure.startswith("tf:")
+            else ()
+        ),
         *(("channel", (seen[name].column.option(name).value,)) for name in columns),
         *([("reference", (",".join(sticks),))] if sticks else ()),
         *([("conditioning", (",".join(held),))] if held else ()),
         *dict.fromkeys((o.name, (o.value,)) for one in used for o in one.options),
-        *dict.fromkeys(("min_duration", (f"{SHORT * longest:.2g}",)) for longest in short),
-        *(event if len(used) == 1 and event else [("band", (f"{low:.2g}", f"{high:.2g}"))]),
+        *([("min_duration", (f"{cut.min_duration:g}",))] if cut.min_duration else ()),
+        *(
+            (name, (f"{at:.6g}",))
+            for name, at in (("from", cut.start), ("to", cut.stop))
+            if at is not None
+        ),
+        *([] if event else [("band", tuple(f"{edge:.2g}" for edge in band))]),
     ]
     return Proposal("identify", tuple(one.path for one in used), tuple(options))
 
 
-def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> str:
-    """Return the smallest transfer function that follows the estimate which the command makes."""
+def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> InferredFit:
+    """Return the fit with the smallest transfer function that follows all records' estimate."""
     try:
         (found,) = estimate_fits(records, [wanted])
     except HelisimError:
-        return wanted.structure
+        return wanted
     at = found.usable()[0, 0]
     if not at.any():
-        return wanted.structure
-    return "tf:{}/{}".format(
+        return wanted
+    structure = "tf:{}/{}".format(
         *order(
             found.frequency[at],
             found.response[0, 0, at],
@@ -335,9 +384,31 @@ def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> str:
             ORDERS if wanted.outputs[0] in RATES else OF_FORCES,
         )
     )
+    return replace(wanted, structure=structure)
 
 
-def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+def _accepted(records: Sequence[FlightRecord], wanted: InferredFit, event: bool) -> str:
+    """Return a structure, or the lower order that `identify` advises. Raises as it does.
+
+    The command for an `event` names no band.
+    """
+    own = named(wanted.structure, wanted.inputs, wanted.outputs)
+    if event and not (wanted.conditioning or wanted.reference) and falls_short(records, None):
+        fit = identify_records(records, own)
+    else:
+        asked = replace(wanted, band=resolved_band(records)) if event else wanted
+        fit = identify(estimate_fits(records, [asked])[0], own)
+    return (
+        _accepted(records, replace(wanted, structure=fit.lower), event)
+        if fit.lower
+        else wanted.structure
+    )
+
+
+def _choices(
+    usable: Sequence[LogLook],
+) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Yield structures with inputs and outputs, the best first: of each input one of its own."""
     known = [answer for one in usable for answer in one.answers]
     have = {(one.input, one.output) for one in known}
     heli = all(
@@ -348,8 +419,8 @@ def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str,
     for name, inputs, outputs in _STRUCTURES:
         driven = all(any((i, o) in have for i in inputs) for o in outputs)
         if heli and driven and all(any((i, o) in have for o in outputs) for i in inputs):
-            return name, inputs, outputs
-    best = max(
+            yield name, inputs, outputs
+    best = sorted(
         known,
         key=lambda a: (
             a.output in RATES,
@@ -357,8 +428,13 @@ def _choice(usable: Sequence[LogLook]) -> tuple[str, tuple[str, ...], tuple[str,
             a.output in _OWN.get(a.input, ()),
             a.coherence,
         ),
+        reverse=True,
     )
-    return best.structure, (best.input,), (best.output,)
+    yield from (
+        (one.structure, (one.input,), (one.output,))
+        for k, one in enumerate(best)
+        if one.input not in {better.input for better in best[:k]}
+    )
 
 
 def _band(
@@ -379,6 +455,5 @@ def _band(
         *(min(one)[0] for one in spans[joint and bool(spans[1]) :] if one),
     )
     digits = 1 - math.floor(math.log10(low))
-    return math.ceil(low * 10.0**digits) / 10.0**digits, max(
-        high for one in spans for _, high in one
-    )
+    high = max(high for one in spans for _, high in one)
+    return math.ceil(low * 10.0**digits) / 10.0**digits, float(f"{high:.2g}")

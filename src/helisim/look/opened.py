@@ -136,12 +136,16 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
 
 
 def alone(log: LogLook, names: Sequence[str], map_: Map, options: Options) -> LogLook:
-    """Return a log as read with some of its channels alone, and the options which that needs."""
-    if log.format == OURS:
-        return log
+    """Return a log as read with some of its channels alone, and the options which that needs.
+
+    Raises LogError if nothing of it can be read so.
+    """
     wanted = {one.name: one.column for one in log.channels if one.name in names}
-    records, _, taken = _read(Path(log.path), replace(map_, channels=wanted), options)
-    return replace(log, records=records, options=(*_written(map_), *taken))
+    mine = None if log.format == OURS else replace(map_, channels=wanted)
+    records, _, taken = _read(Path(log.path), mine, options)
+    if not records:
+        raise LogError(f"{log.path}: nothing of {', '.join(names)} can be read")
+    return replace(log, records=records, options=(*_written(mine or Map()), *taken))
 
 
 def _written(map_: Map) -> tuple[Option, ...]:
