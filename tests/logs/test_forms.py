@@ -52,9 +52,10 @@ def test_numpy_and_matlab_are_read(tmp_path):
     np.savez(tmp_path / "a.npz", t=(1e3 * T).astype(np.uint32), p=P)
     np.testing.assert_array_equal(read(tmp_path / "a.npz", time=Clock("t", "ms")), P)
     nested = {"log": {"t": T, "gyro": np.column_stack([P, P])}, "note": "a text", "one": 1.0}
-    savemat(tmp_path / "a.mat", nested)
-    source = open_source(tmp_path / "a.mat")
-    assert source.names == ("log.t", "log.gyro[0]", "log.gyro[1]")
+    savemat(tmp_path / "a.mat", nested | {"two": {"t": T[:99], "p": P[:99]}})
+    assert open_source(tmp_path / "a.mat").names == ("log.t", "log.gyro[0]", "log.gyro[1]")
+    other = read_log(tmp_path / "a.mat", channels={"p": Column("two.p", "rad/s")}, time="two.t:s")
+    np.testing.assert_array_equal(other.record["p"], P[:99])
     np.testing.assert_array_equal(read(tmp_path / "a.mat", "t", "p", "q"), P)
     for name, data, message in [
         ("b.mat", b"MATLAB 7.3 MAT-file", r"save\('log.mat', '-v7'\)"),
@@ -76,8 +77,7 @@ def test_a_log_of_px4_before_ulog_is_read(tmp_path):
         log.write(2, 0.0, 0.0, 0.0, p, 0.0, 0.0)
     path = log.save(tmp_path, "a.px4log")
     source = open_source(path)
-    assert source.format == "sdlog2"
-    assert not source.findings
+    assert (source.format, *source.findings) == ("sdlog2",)
     found = read_log(path, channels={"p": Column("ATT.RollRate", "rad/s")})
     np.testing.assert_allclose(found.records[0].time, T, atol=1e-9)
     np.testing.assert_allclose(found.records[0]["p"], P, atol=1e-6)  # single precision

@@ -180,7 +180,7 @@ def _open(path: Path, map_: Map, content: str) -> Source:
     if data.startswith(_PARQUET_MAGIC):
         return ParquetLog(path, data)
     if data.startswith(ARRAYS):
-        return ArrayLog(path, data, map_.file.names)
+        return ArrayLog(path, data, map_.file.names, map_.time and map_.time.column)
     return TextLog(path, data, map_.file)
 
 

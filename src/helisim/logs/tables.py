@@ -323,10 +323,13 @@ class ArrayLog(TimeTable):
     """Arrays of NumPy (.npy, .npz) or MATLAB (.mat before 7.3) with one row a sample, from 0.
 
     A column of a matrix is `name[0]`, a field of a structure `name.field`; `names` are the columns'
-    in place of these, in order.
+    in place of these, in order. Of several experiments that of the column `clock` is read: of its
+    length, and in its structure.
     """
 
-    def __init__(self, path: Path, data: bytes, names: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, data: bytes, names: Sequence[str], clock: str | None = None
+    ) -> None:
         self.format = "MATLAB" if data.startswith(_MATLAB) else "NumPy"
         if data.startswith(_MATLAB_HDF):
             raise StorageError(
@@ -338,9 +341,14 @@ class ArrayLog(TimeTable):
         except Exception as error:  # of damaged bytes both raise anything
             reason = shown(str(error), 200) or type(error).__name__
             raise StorageError(f"{path}: not {self.format}, or damaged: {reason}") from None
-        sizes = Counter(values.size for _, values in columns)
+        same = [one for one in columns if one[0].split(".")[0] == str(clock).split(".")[0]]
+        sizes = Counter(values.size for _, values in same or columns)
         count = max(sizes, key=lambda size: (sizes[size] * (size > 1), size), default=0)
-        kept = {name: values for name, values in columns if values.size == count}
+        kept = {
+            name: values
+            for name, values in (same if len(same) > 1 else columns)
+            if values.size == count
+        }
         bare = not all(name.strip("[0123456789]") for name in kept)
         if count < 2 or ((names or bare) and len(names) != len(kept)):
             raise StorageError(
@@ -349,9 +357,12 @@ class ArrayLog(TimeTable):
                 remedy=Option("names", "A,B,..."),
             )
         self._columns, self._count = dict(zip(names or map(shown, kept), kept.values())), count
-        left = [name for name, values in columns if values.size != count]
-        some = Counter(name.rpartition(".")[0] or name for name in left)  # of a structure, once
-        said = (f"{name}: {n} of another length than the other arrays" for name, n in some.items())
+        # of a structure, once
+        some = Counter(name.rpartition(".")[0] or name for name, _ in columns if name not in kept)
+        said = (
+            f"{name}: {n} of another length or structure than those read"
+            for name, n in some.items()
+        )
         super().__init__(path, tuple(self._columns), [LogFinding("left out", one) for one in said])
 
     def _numbers(self, name: str) -> NDArray[np.float64]:
