@@ -393,11 +393,12 @@ def _accepted(records: Sequence[FlightRecord], wanted: InferredFit, event: bool)
     The command for an `event` names no band.
     """
     own = named(wanted.structure, wanted.inputs, wanted.outputs)
-    if event and not (wanted.conditioning or wanted.reference) and falls_short(records, None):
-        fit = identify_records(records, own)
-    else:
-        asked = replace(wanted, band=resolved_band(records)) if event else wanted
-        fit = identify(estimate_fits(records, [asked])[0], own)
+    asked = replace(wanted, band=resolved_band(records) if event else wanted.band)
+    fit = (
+        identify_records(records, own)
+        if event and not (wanted.conditioning or wanted.reference) and falls_short(records, None)
+        else identify(estimate_fits(records, [asked])[0], own)
+    )
     return (
         _accepted(records, replace(wanted, structure=fit.lower), event)
         if fit.lower
@@ -455,5 +456,6 @@ def _band(
         *(min(one)[0] for one in spans[joint and bool(spans[1]) :] if one),
     )
     digits = 1 - math.floor(math.log10(low))
-    high = max(high for one in spans for _, high in one)
-    return math.ceil(low * 10.0**digits) / 10.0**digits, float(f"{high:.2g}")
+    return math.ceil(low * 10.0**digits) / 10.0**digits, float(
+        f"{max(high for one in spans for _, high in one):.2g}"
+    )
