@@ -331,9 +331,9 @@ def test_the_bias_that_noise_in_a_loop_makes_is_measured():
     rest, made = (2.0 * u + v) - (2.0 + bias) * u, (2.0 + bias) * u
     _, found = answered([(u[:, None], rest[:, None], made[:, None])], [step], (1.0, 20.0), 1)
     assert np.mean(found[:, 0]) > 20.0
-    # of 7 bands, with 5 % error each by chance
-    size = np.sqrt(np.mean(found[:, 1] - found[:, 2]))
-    assert size == pytest.approx(abs(bias) / (2.0 + bias), rel=0.2)
+    # of 7 bands, with 5 % error each by chance, which is in the size
+    true = np.hypot(bias / (2.0 + bias), 0.05)
+    assert np.sqrt(np.mean(found[:, 1])) == pytest.approx(true, rel=0.2)
     _, noise = answered([(r[:, None], v[:, None], made[:, None])], [step], (1.0, 20.0), 1)
     assert np.mean(noise[:, 0]) < 3.0  # exponential: one of 7 in 10 million
 

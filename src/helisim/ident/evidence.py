@@ -122,15 +122,15 @@ def _feedback(
     for o, output in enumerate(frf.outputs):
         coherence = frf.multiple_coherence[o] * (np.min(frf.random_error[o], axis=0) < _UNKNOWN)
         ok = np.interp(frequency, frf.frequency, coherence) >= USABLE_COHERENCE
-        surprise, own, by_chance, *_ = numbers[ok, :, o].T
+        surprise, own, *_ = numbers[ok, :, o].T
         count = max(np.count_nonzero(ok), 1)
         # at most so much that no band speaks alone
         chance = float(np.sum(np.minimum(surprise, _MOST) - 1.0)) * math.sqrt(tested / count)
-        bias = math.sqrt(float(np.sum(np.maximum(own - by_chance, 0.0))) / count)
+        bias = math.sqrt(float(np.sum(own)) / count)
         if chance > _ANSWERED and bias > worst:
             worst, said = bias, output
-        grows = math.sqrt(max(float(np.median(numbers[:, 3, o])), 0.0)) if frequency.size else 0.0
-        if grows > _GROWS and np.sum(numbers[:, 4, o]) > _SURE * math.sqrt(frequency.size):
+        grows = math.sqrt(max(float(np.median(numbers[:, 2, o])), 0.0)) if frequency.size else 0.0
+        if grows > _GROWS and np.sum(numbers[:, 3, o]) > _SURE * math.sqrt(frequency.size):
             varying.append(
                 Note(
                     "varying",
@@ -144,7 +144,7 @@ def _feedback(
         yield Note(
             "feedback",
             f"feedback: what else moves {said}, as gusts do, comes back in {names}, which biases "
-            f"the responses of {said} by {100.0 * worst:.2g} % rms; "
+            f"the responses of {said} by up to {100.0 * worst:.2g} % rms; "
             + (
                 "who gives the reference answers gusts, too: fly hands off but for the sweep"
                 if frf.reference
@@ -550,15 +550,15 @@ def answered(
     band: tuple[float, float],
     tested: int,
 ) -> tuple[Real, Real]:
-    """Return frequencies, (n_freq,), and how the rest of outputs answers, (n_freq, 5, n_out).
+    """Return frequencies, (n_freq,), and how the rest of outputs answers, (n_freq, 4, n_out).
 
     `flights` are drive, (n_time, n_drive), of which the first `tested` signals count, what the
     response leaves of the outputs, and what it makes of them, (n_time, n_out), `steps` between
-    samples in s, `band` in rad/s. Of five numbers the first, surprise, is |b|^2 over its variance,
-    by chance 1 on average with an exponential tail; bias and chance are mean squares of what the
-    response's bias and this one's error make, over those of what the response makes. The last two
-    are how much of what the response makes is in the rest, in power, where it makes more, and that
-    in standard deviations by chance.
+    samples in s, `band` in rad/s. Of four numbers the first, surprise, is |b|^2 over its variance,
+    by chance 1 on average with an exponential tail; bias is the mean square of what the response's
+    bias and this one's error make, over that of what the response makes. The last two are how much
+    of what the response makes is in the rest, in power, where it makes more, and that in standard
+    deviations by chance.
     """
     n, n_out = flights[0][0].shape[1], flights[0][1].shape[1]
     count = math.log(band[1] / band[0]) / math.log(_CELLS_APART)
@@ -569,7 +569,7 @@ def answered(
         d, e, y = np.split(np.concatenate(each), [n, n + n_out], axis=1)
         if len(d) >= _CELLS * (n + tested):
             found.append((omega, *_regressed(d, e, y, [len(one) for one in each], tested)))
-    numbers = np.array([one[1:] for one in found]).reshape(-1, 5, n_out)
+    numbers = np.array([one[1:] for one in found]).reshape(-1, 4, n_out)
     return np.array([one[0] for one in found]), numbers
 
 
@@ -589,8 +589,8 @@ def _cells(signals: Real, step: float, omega: float) -> Complex:
 
 def _regressed(
     d: Complex, e: Complex, y: Complex, counts: Sequence[int], tested: int
-) -> tuple[Real, Real, Real, Real, Real]:
-    """Return the five numbers of outputs, (n_out,); cells are of flights in a row."""
+) -> tuple[Real, Real, Real, Real]:
+    """Return the four numbers of outputs, (n_out,); cells are of flights in a row."""
     mine, n = d[:, :tested], d.shape[1]
     power = np.abs(mine) ** 2
     usual = np.maximum(np.median(power, axis=0), _FAINT * power.mean(axis=0))
@@ -613,9 +613,8 @@ def _regressed(
     surprise = apart * np.log1p(ratio / apart)  # as rare as of a variance that is known
     made = np.mean(np.abs(y) ** 2, axis=0) + 1e-300
     bias = np.mean(np.abs(mine @ found[:tested]) ** 2, axis=0) / made
-    spread = np.sum(unit[:tested, :tested] * np.real(mine.conj().T @ mine)) / len(d)
     more, rest = np.abs(y) ** 2 - made, np.abs(e) ** 2
     size = np.sum(more**2, axis=0) + 1e-300
     grows = np.sum(more * rest, axis=0) / size
     sure = grows * np.sqrt(_INDEPENDENT * size) / (rest.mean(axis=0) + 1e-300)
-    return surprise, bias, spread * left / made, grows, sure
+    return surprise, bias, grows, sure
