@@ -10,7 +10,6 @@ from scipy.signal import detrend
 from small_design import PERIOD, SmallLaw, SmallPlant
 
 import helisim as hs
-from helisim.base.errors import InputError
 from helisim.base.settings import to_plain
 from helisim.design.exact import exact_loop, hands_off
 from helisim.design.proof import (
@@ -99,11 +98,6 @@ def test_the_usual_is_told_whether_asked_or_not():
     assert found[0] is own
     assert [one.kind for one in found] == ["hard"] + 6 * ["check"]
     assert sum(isinstance(one.criterion, StabilityMargins) for one in found) == 2
-
-
-def test_a_plan_of_nothing_is_refused():
-    with pytest.raises(InputError, match="repeats must be an integer above 0, got 0"):
-        ProofPlan(repeats=0)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import csv
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,13 +13,14 @@ import pytest
 import helisim as hs
 from command import parm_file
 from helisim import ident
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Terms
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.handling.loop import GRID, Curve, NoResponse
 from ident_data import found as fitted
+from tabled import tabled
 
 PERIOD, GAIN = 0.01, 20.0
 
@@ -101,18 +101,10 @@ def test_responses_alone_have_no_poles():
         ClosedLoop(INTEGRAL, seen(("phi",), ("lat",))).step("lat", size=1.0, duration=1.0)
 
 
-def test_other_ticks_and_an_unknown_stick_are_refused():
-    slow = replace(HOLD, period=0.02)
-    with pytest.raises(InputError, match=r"each 0\.01 s, the law each 0\.02 s"):
-        _ = ClosedLoop(INTEGRAL, slow).poles
-    with pytest.raises(NoResponse, match="the law has no stick 'PED': it has phi, LAT"):
-        ClosedLoop(INTEGRAL, HOLD).step("yaw", size=1.0, duration=1.0)
-
-
-@pytest.mark.parametrize("ask", [ClosedLoop.broken, lambda loop, *one: loop.reached(*one[::-1])])
-def test_an_unknown_place_is_refused(ask):
-    with pytest.raises(UnknownNameError, match="'sensor'; available: actuators, sensors"):
-        ask(ClosedLoop(INTEGRAL, HOLD), "lat", "sensor")
+@tabled("ask", "error", "says")
+def test_what_a_loop_has_not_is_refused(ask, error, says):
+    with pytest.raises(error, match=says):
+        ask()
 
 
 OMEGA = np.geomspace(0.5, 100.0, 30)
@@ -391,12 +383,6 @@ def test_an_integral_beyond_its_least_leak_leaks():
     )
     assert abs(kept) > 50.0
     assert leaks.real == pytest.approx(-(0.06 + 0.105 * 0.0025 / 0.02), rel=1e-2)
-
-
-def test_missing_parameters_are_named():
-    short = {name: value for name, value in PARAMETERS.items() if name != "ATC_RAT_YAW_ILMI"}
-    with pytest.raises(InputError, match="lack ATC_RAT_YAW_ILMI"):
-        ArduCopterLaw.of(short)
 
 
 def test_what_the_law_leaves_out_is_said():

@@ -118,13 +118,6 @@ def test_an_own_criterion_is_read_from_a_file(tmp_path):
     assert spec.criterion.rate(AttitudeLoop()).level == 1
 
 
-def test_what_is_no_specification_is_said():
-    with pytest.raises(InputError, match="got 'margins'"):
-        Spec("margins")
-    with pytest.raises(InputError, match="did you mean margins"):
-        standard("margin")
-
-
 # Criteria: levels, distances and charts say the same, and distances can be searched over.
 
 ALL = [

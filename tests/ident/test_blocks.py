@@ -120,13 +120,6 @@ def test_blocks_are_read_from_words():
         blocks.with_blocks(rollpitch, {"lat": "first_order", "lat,lon": "delay"})
 
 
-def test_what_cannot_be_in_series_is_refused():
-    with pytest.raises(InputError, match="has 2 inputs and 2 outputs"):
-        in_series(rollpitch, inputs={"lat": rollpitch})
-    with pytest.raises(UnknownNameError, match="input of 'rollpitch' 'col'"):
-        in_series(rollpitch, inputs={"col": SERVO})
-
-
 def test_a_file_has_its_blocks_in_a_table(tmp_path):
     path = tmp_path / "yaw.toml"
     path.write_text(
@@ -230,23 +223,18 @@ def test_flap_back_becomes_derivatives_by_the_velocities():
 ORDER = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
 
 
-@tabled("parts", "message")
-def test_model_that_has_no_place_says_which_number(parts, message):
-    with pytest.raises(InputError, match=message):
-        numbers_of([(*part, HALF) for part in parts], late={})
+LAGS = tuple(map(tuple, np.diag([0, 0, -2, -1]).astype(str).tolist()))
+SPLIT = replace(structures.rollpitch, name="split", M=(), F=LAGS)
 
 
-def test_other_commands_and_numbers_are_checked():
-    with pytest.raises(UnknownNameError, match=r"'Lb1'.*did you mean Lb1s"):
-        ArduPilotModel({"Lb1": 1.0})
-    with pytest.raises(UnknownNameError, match="'roll'"):
-        ArduPilotModel.of([fitted(structures.heave, HEAVE)], full={"roll": 1.0}, **HOVER)
-    split = replace(structures.rollpitch, name="split", M=(), F=tuple(
-        tuple("-2" if i == j == 2 else "-1" if i == j == 3 else cell for j, cell in enumerate(row))
-        for i, row in enumerate((("0",) * 4,) * 4)
-    ))  # fmt: skip
-    with pytest.raises(InputError, match="one lag"):
-        numbers_of([(split, structures.rollpitch.starts, HALF)], late={})
+def numbered(*parts):
+    return numbers_of([(one, one.starts, HALF) for one in parts], late={})
+
+
+@tabled("make", "error", "message")
+def test_what_no_model_of_ardupilot_or_series_has_is_refused(make, error, message):
+    with pytest.raises(error, match=message):
+        make()
 
 
 # Feedback without a recorded reference is seen where gusts go round it, and only there.

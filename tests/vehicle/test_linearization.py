@@ -165,10 +165,10 @@ def test_the_collectives_rate_moves_the_stick_not_the_hover():
     assert sticks == pytest.approx([full.trim.col, 2.0 * full.trim.col], rel=1e-9)
 
 
-@tabled("setting", "error", "says")
-def test_a_setting_that_the_gyro_lacks_is_refused(jr700, setting, error, says):
+@tabled("ask", "error", "says")
+def test_what_is_out_of_reach_or_lacking_is_refused(jr700, ask, error, says):
     with pytest.raises(error, match=says):
-        jr700.with_settings(setting)
+        ask(jr700)
 
 
 # Level flight from hover to 20 m/s: the power bucket, the stick, and a linearisation at each.
@@ -245,14 +245,6 @@ def test_power_is_momentum_theorys(flights):
     assert power[best] / power[0] == pytest.approx(theory[best] / theory[0], rel=0.02)
 
 
-def test_out_of_reach_is_one_clear_line(jr700):
-    with pytest.raises(TrimError, match="level flight at 80 m/s"):
-        find_trim(jr700.model, speed=80.0)
-    for given in ({"speed": math.nan}, {"height": 0.0}, {"wind": (0.0, math.inf, 0.0)}):
-        with pytest.raises(InputError, match="finite speed"):
-            jr700.trimmed(**given)
-
-
 # The hover: an equilibrium of the nonlinear model, and steady in time.
 
 SOLVER = 1e-9
@@ -285,5 +277,3 @@ def test_place_centres_all_sticks_and_settles_the_gyro():
 def test_no_hover_without_lift(altered):
     with pytest.raises(TrimError, match=r"no hover|outside"):
         find_trim(altered(main_lift_slope=1.0))
-    with pytest.raises(TrimError):
-        load(parameters={"tail_rotor.speed": 100.0})

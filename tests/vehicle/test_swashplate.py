@@ -100,12 +100,6 @@ def test_the_flight_does_not_depend_on_where_the_servos_stand():
     assert Swashplate.of(parameters).numbers == pytest.approx(other.swashplate.numbers, abs=0.0)
 
 
-@tabled("changes", "message")
-def test_a_swashplate_that_is_none_is_refused(changes, message):
-    with pytest.raises(ModelError, match=message):
-        load("jr700", parameters=changes)
-
-
 def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
     asked = [
         found.a_lat * lat + found.a_lon * lon - found.tau_f * q,

@@ -14,7 +14,7 @@ import pytest
 import helisim as hs
 import heron
 from command import fails
-from helisim.base.errors import InputError, ModelError
+from helisim.base.errors import InputError
 from helisim.cli import main
 from helisim.study.experiment import recover
 from helisim.study.new_vehicle import calibrated_text
@@ -128,13 +128,6 @@ def test_all_parameters_of_a_vehicle_load_it_again(jr700):
     thin = hs.load("jr700", parameters={"air.density": 1.0})
     again = hs.load("jr700", parameters=dict(thin.parameters))
     assert np.array_equal(again.model.actuator_user, thin.model.actuator_user)
-
-
-def test_both_that_contradict_are_one_line(jr700):
-    said = r"^main_rotor.blade_inertia = 0.02 kg m\^2 and flapping.tau_f = 0.04456 s contradict: "
-    said += r"with this time constant it is 0.05\d+ kg m\^2; give one of both$"
-    with pytest.raises(ModelError, match=said):
-        hs.load("jr700", parameters={INERTIA: 0.02, "flapping.tau_f": 0.04456})
 
 
 def heavy_heron(folder, inertia=0.0115):
