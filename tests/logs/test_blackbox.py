@@ -279,8 +279,20 @@ def test_without_a_mixer_the_limited_sum_of_terms_is_the_command(tmp_path, heade
         total = count * sum(columns[f"axis{one}[{k}]"] for one in "PIDF")
         assert np.max(np.abs(total)) > 0.5
         np.testing.assert_allclose(log[f"axisSum[{k}]"], np.clip(total, -limit, limit), atol=1e-12)
-    assert log.channels["col"].column == "rcCommand[4]" if header is OF_4_2 else "setpoint[3]"
+    collective = "rcCommand[4]" if header is OF_4_2 else "setpoint[3]"
+    assert log.channels["col"].column == collective
     assert "COL" not in log.channels
+    sticks = ("LAT", "LON", "PED")
+    assert [log.channels[one].column for one in sticks] == [f"setpoint[{k}]" for k in range(3)]
+    old = {name: one for name, one in columns.items() if not name.startswith("setpoint")}
+    log = Blackbox(saved(tmp_path, encode(old, header)))
+    found = {one: log.channels[one] for one in sticks if one in log.channels}
+    # Betaflight's sticks where no setpoints are logged: +-500 to the right, forward, to the left
+    wanted = {} if header is OF_4_2 else {"LAT": 1, "LON": -1, "PED": -1}
+    assert {name: one.sign for name, one in found.items()} == wanted
+    for k, one in enumerate(found.values()):
+        assert one.column == f"rcCommand[{k}]"
+        np.testing.assert_allclose(log[one.column], 2e-3 * old[one.column], atol=1e-12)
 
 
 def flown():

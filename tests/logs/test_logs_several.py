@@ -12,6 +12,7 @@ from helisim.base.errors import HelisimError, InputError, LogError, RecordError,
 from helisim.logs import Clock, Column, Map, read_log, read_logs, screen
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
+from tabled import tabled
 
 P, SECONDS = {"p": Column("p", "rad/s")}, Clock("t", "s")
 MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, SECONDS)
@@ -116,6 +117,22 @@ def test_large_jitter_is_refused_with_its_size_and_a_gap_is_none(tmp_path):
     (log,) = read_logs([path], channels=P, time=SECONDS, repair="gaps")
     assert [finding.kind for finding in log.report.repairs] == ["jitter", "gap"]
     assert len(log.records) == 2
+
+
+@tabled("rate", "steps", "count", "told")
+def test_gaps_are_short_by_a_tenth_of_a_second_or_ten_of_the_loggers_steps(
+    tmp_path, rate, steps, count, told
+):
+    rows = np.arange(60 * (count + 1))
+    rows = rows[(rows % 60 >= steps - 1) | (rows < 60)]  # `steps` from one sample to the next
+    path = table(tmp_path / "a.csv", rows / rate, np.sin(0.1 * rows), header="t,p")
+    with pytest.raises(LogError, match="split the log at its gaps") as raised:
+        read_log(path, channels=P, time=SECONDS, resample_hz=rate)
+    (finding,) = raised.value.findings
+    assert f"({count} gaps" in finding.text
+    # told are those that are a tenth longer, in two digits
+    allowed = f"--max-gap {float(f'{1.1 * steps / rate:.2g}'):g} " if told else ""
+    assert said(finding) == f"{allowed}--repair gaps"
 
 
 TIME = np.arange(6001) / 100.0
