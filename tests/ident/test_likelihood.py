@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, lfilter
 
 from helisim.base.errors import HelisimError
 from helisim.ident import Structure, frequency_response, identify_records, structures
@@ -131,6 +132,38 @@ def test_an_order_that_the_record_denies_is_told(zeros, told):
     fit = identify_records(flown(structure, truth, moves, noise, 1, step), order)
     assert any("follows the record better" in one.text for one in fit.data.evidence) is told
     assert fit.verdict.word == ("sound", "doubtful")[told]
+
+
+def answered(above, below, late, noise, seed=0, step=0.02):
+    """Return a doublet and a 3-2-1-1, held for a sample, and what SciPy makes of them."""
+    b, a, _ = cont2discrete((above, below), step, "zoh")
+    found = []
+    for kind in (DOUBLET, THREETWOONEONE):
+        dice, lat = np.random.default_rng(seed), moved(kind, 0.6, 8.0, 0.1)
+        p = lfilter(b.ravel(), a, np.append(np.zeros(round(late / step)), lat)[: lat.size])
+        p += noise * np.std(p) * dice.normal(size=p.size)
+        found.append(record(step, lat=lat, p=p))
+    return found
+
+
+@tabled("above", "below", "late", "noise", "seed")
+def test_a_delay_is_found_by_starts_with_it_and_without(above, below, late, noise, seed):
+    """Half of the searches begin at every delay, half at their own: each misses one of these."""
+    order = structures.transfer_function(zeros=1, poles=2, input="lat", output="p")
+    fit = identify_records(answered(above, below, late, noise, seed), order)
+    # a held input is half a step late. Four stated errors; elsewhere b1 is -20
+    expected = dict(zip(("b1", "b0", "a1", "a0", "tau"), (*above, *below[1:], late + 0.01)))
+    for name, value in expected.items():
+        assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error, name
+
+
+@tabled("poles", "noise", "fixed", "is_")
+def test_one_more_zero_and_pole_are_told_beyond_chance(poles, noise, fixed, is_):
+    """Of 50 s + 119 over s^2 + 4.5 s + 14, whose likelihood falls as noise grows."""
+    order = structures.transfer_function(zeros=0, poles=poles, input="lat", output="p")
+    records = answered((50.0, 119.0), (1.0, 4.5, 14.0), 0.0, noise)
+    found = identify_records(records, order.with_fixed(fixed), searches=2).data.evidence
+    assert any("follows the record better" in one.text for one in found) is is_
 
 
 @tabled("changes", "options", "message")

@@ -257,7 +257,9 @@ def _nonlinear(
         n_out, left = len(frf.outputs), bands.fit.residual
         power_of = _power(lines, lines.places((*frf.outputs, *names)), bands.frequency)
         drive = _power(lines, lines.places(inputs), bands.frequency)
-        moved = np.nansum(np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None], axis=0)
+        moved = np.nansum(  # of bands with fewer spare lines the gain is anything
+            (np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None])[bands.enough], axis=0
+        )
         mainly = moved >= _MINOR * moved.max(axis=1, keepdims=True)  # (n_out, n_in)
         for (o, output), (c, name) in product(
             enumerate(frf.outputs), enumerate(names, start=n_out)
@@ -524,7 +526,7 @@ def _frozen(
             yield Note(
                 "delay",
                 f"{output} changes once in {every} samples only: it was logged slower, and is "
-                f"{500.0 * (every - 1) * step:.2g} ms late on average, which its delays have",
+                f"{500.0 * (every - 1) * step:.3g} ms late on average, which its delays have",
             )
 
 
