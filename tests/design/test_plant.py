@@ -56,13 +56,16 @@ def test_a_fall_has_no_gyro_and_a_rate_that_is_its_acceleration():
     assert plant.axes == ("col", "lon", "lat")
 
 
-def test_fits_that_tell_the_same_are_refused():
+def test_fits_that_tell_the_same_or_begin_at_a_stick_are_refused():
     rolling = fitted(SERVOED, **ROLL, tau_lat=0.0, tau_lon=0.0)
     part = fitted(ident.structures.yaw_base.renamed({"ped": "lat", "r": "p"}), **TRUE)
     with pytest.raises(InputError, match="two fits tell p/lat: leave one of them out"):
         Plant((part, rolling))
     with pytest.raises(InputError, match="a plant needs a fit, and values of each: got 2 and 1"):
         Plant((part, rolling), values=(part.values,))
+    stick = fitted(ident.structures.yaw_base.renamed({"ped": "PED"}), **TRUE)
+    with pytest.raises(InputError, match=r"servo command \(col, lon, lat, ped\).*PED"):
+        Plant((stick,))
 
 
 def test_angles_turn_as_euler_angles_do():
@@ -77,12 +80,6 @@ def test_angles_turn_as_euler_angles_do():
         np.testing.assert_allclose(
             turned((phi, theta))[:, axis], np.array([phi_, theta_, psi_]) / step, atol=1e-6
         )
-
-
-def test_nothing_to_begin_at_is_refused():
-    stick = fitted(ident.structures.yaw_base.renamed({"ped": "PED"}), **TRUE)
-    with pytest.raises(InputError, match=r"servo command \(col, lon, lat, ped\).*PED"):
-        Plant((stick,))
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.002, 0.0047])

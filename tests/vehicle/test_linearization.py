@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.base.errors import InputError, TrimError
+from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.study.paper import published
-from helisim.vehicle import find_trim, load
+from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.linearize import RIGID_BODY
 from helisim.vehicle.trim import Motion, motion_rates, read_motion, write_motion
@@ -272,8 +272,3 @@ def test_place_centres_all_sticks_and_settles_the_gyro():
         for _ in range(500):
             mujoco.mj_step(vehicle.model, data)
     assert data.qvel == pytest.approx(np.zeros(6), abs=1e-7)
-
-
-def test_no_hover_without_lift(altered):
-    with pytest.raises(TrimError, match=r"no hover|outside"):
-        find_trim(altered(main_lift_slope=1.0))

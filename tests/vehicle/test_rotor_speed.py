@@ -1,6 +1,5 @@
 """A vehicle whose rotor speed moves: trim, linear model, stock MuJoCo, what it needs to be told."""
 
-import math
 import pickle
 import warnings
 from functools import cache
@@ -331,12 +330,6 @@ def test_replace_leaves_the_original(jr700):
     assert "main_rotor.radios" not in jr700.parameters
     with pytest.raises(UnknownNameError, match=r"air\.density"):
         jr700.parameters["density"]
-
-
-@pytest.mark.parametrize("timestep", [-0.001, math.nan, math.inf])
-def test_a_bad_time_step_is_refused(timestep):
-    with pytest.raises(InputError, match="timestep"):
-        load(timestep=timestep)
 
 
 @pytest.mark.parametrize(("file", "command"), [("calibrated", "calibrate"), ("tuned", "tune")])
