@@ -31,7 +31,8 @@ _GAINS = ("ATC_RAT_", "ATC_ANG_")  # parameters of the rate and attitude loops b
 _TERMS = ("P", "I", "D", "FF", "DFF")
 # _LOST: share of rows that may be lost without a word
 # _SLOWEST: s: a log with longer steps shows no loop
-_LOST, _SLOWEST = 0.02, 0.02
+# _SETTLES: s before a sweep, from which the law's answer to the sticks is followed
+_LOST, _SLOWEST, _SETTLES = 0.02, 0.02, 1.0
 _SET = "set LOG_BITMASK's bits 0 and 1"
 
 
@@ -116,7 +117,7 @@ def flown_law(log: DataFlash, start: float) -> ArduCopterLaw:
     def steady(message: str, field: str) -> float:
         table = log.table(message)
         near = np.abs(table.time - start) < 1.0
-        return float(np.median(np.asarray(table[field], np.float64)[near]))
+        return float(np.nanmedian(np.asarray(table[field], np.float64)[near]))
 
     angles = "ANG" if "ANG" in log else "ATT"
     return ArduCopterLaw.of(
@@ -183,11 +184,12 @@ def _asked(log: DataFlash, time: Real) -> Real:
     It is the law's response to the attitude that is aimed at. Raises InputError, LogError.
     """
     law, angles = flown_law(log, time[0]), log.table("ANG" if "ANG" in log else "ATT")
-    ticks = np.arange(time[0], time[-1] + law.period, law.period)
+    ticks = np.arange(time[0] - _SETTLES, time[-1] + law.period, law.period)
     aim = np.array(
         [
-            _between(*line(angles.time, np.unwrap(np.radians(angles[name]))), ticks)
+            _between(stamps, np.unwrap(one), ticks)
             for *_, name in LOGGED.values()
+            for stamps, one in [line(angles.time, np.radians(angles[name]))]
         ]
     )
     moves = np.gradient(aim, law.period, axis=1) * (law.input_time is not None)
