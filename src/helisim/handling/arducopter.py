@@ -163,17 +163,19 @@ class ArduCopterLaw(Checked, Value):
         *,
         lean: tuple[float, float] = (0.0, 0.0),
         steady: Mapping[str, float] | None = None,
+        source: str = "",
     ) -> Self:
         """Return the law of a log's PARM messages or a .parm file; InputError if some are missing.
 
-        `lean` is (phi, theta) of the steady flight, rad, `steady` its integrals, of full command.
+        `lean` is (phi, theta) of the steady flight, rad, `steady` its integrals, of full command;
+        a refusal begins with `source`.
         """
 
         def given(name: str) -> float:
             if name not in parameters:
                 raise InputError(
-                    f"the parameters lack {name}: expected those of an ArduCopter-heli, all of "
-                    "them, as its log's PARM messages or a ground station's file have them"
+                    f"{source}the parameters lack {name}: expected those of an ArduCopter-heli, "
+                    "all of them, as its log's PARM messages or a ground station's file have them"
                 )
             return float(parameters[name])
 

@@ -382,6 +382,11 @@ class DataFlash:
             "out, numbers that can't be are missing, and parameters may be wrong; copy it anew"
         )
 
+    @property
+    def named(self) -> str:
+        """Its path and what can't be read, ahead of a refusal."""
+        return f"{self.path}: {self.damage and f'{self.damage}; '}"
+
     def parameters(self, at: float | None = None) -> dict[str, float]:
         """Return the parameters at an instant, s since power-on; by default the last ones.
 

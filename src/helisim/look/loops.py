@@ -122,6 +122,7 @@ def flown_law(log: DataFlash, start: float) -> ArduCopterLaw:
     angles = "ANG" if "ANG" in log else "ATT"
     return ArduCopterLaw.of(
         log.parameters(at=start),
+        source=log.named,
         lean=(np.radians(steady(angles, "Roll")), np.radians(steady(angles, "Pitch"))),
         steady={axis: steady(pid, "I") for axis, (_, pid, _) in LOGGED.items() if pid in log},
     )

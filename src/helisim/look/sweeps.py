@@ -162,7 +162,7 @@ def sweeps(
         flown = "MODE" in log and np.any(log.table("MODE")["Mode"] == _MODE)
         said = "the mode SystemID was flown, but no SIDS and SIDD messages are in the log"
         if log.damage:
-            raise LogError(f"{log.path}: {log.damage}; no SIDD messages are in what can be read")
+            raise LogError(f"{log.named}no SIDD messages are in what can be read")
         raise LogError(
             f"{log.path}: {said if flown else 'no SystemID messages (SIDS, SIDD) in the log'}; "
             "fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, or "
@@ -187,7 +187,7 @@ def sweeps(
             found.append(_sweep(log, start, setup, time, rows[:, 1], ended))
     if not found:
         raise LogError(
-            f"{log.path}: {log.damage and f'{log.damage}; '}it has SIDD messages, and neither SIDS "
+            f"{log.named}it has SIDD messages, and neither SIDS "
             "nor another says which axis they are of; log from before the mode SystemID is chosen"
         )
     return tuple(found)

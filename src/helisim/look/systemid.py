@@ -544,7 +544,7 @@ def _chosen_channels(
         )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
-            f"{log.path}: {log.damage and f'{log.damage}; '}no RATE messages beside the sweeps, "
+            f"{log.named}no RATE messages beside the sweeps, "
             "which say what the mixer was "
             "commanded; set LOG_BITMASK's bits 0 and 1, or say which columns the commands are",
             remedy=Option("channel", "lat=COLUMN:UNIT"),

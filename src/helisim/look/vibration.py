@@ -175,15 +175,14 @@ def vibration(
     if first := next(found, None):
         return _found(*first, rotor_hz, tail)
     log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
-    law, nan = ArduCopterLaw.of(log.parameters()), float("nan")
+    law = ArduCopterLaw.of(log.parameters(), source=log.named)
     slow = f"too little of its gyros is logged {_SLOWEST:g} times a second or faster: {SET}"
-    spectra = np.zeros((3, 3, 0))
-    both = law.gyro, law.gyro
+    nan, spectra, both = float("nan"), np.zeros((3, 3, 0)), (law.gyro, law.gyro)
     return Vibration("", nan, spectra[0, 0], spectra, nan, nan, (), both, remarks=(slow,))
 
 
 def _found(log: DataFlash, gyros: _Gyros, rotor_hz: float | None, tail: float | None) -> Vibration:
-    today = ArduCopterLaw.of(log.parameters())
+    today = ArduCopterLaw.of(log.parameters(), source=log.named)
     frequency, logged = gyros.spectra()
     line, tones = float(frequency[1]), _tones(frequency, logged)
     message, speed = _sensed(log)
