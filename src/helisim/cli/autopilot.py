@@ -121,15 +121,15 @@ def _serve(o: Options, aircraft: "Aircraft", link: "Link") -> None:
 
 
 def _listening(o: Options, link: "Link") -> str:
-    out = "" if link.port == 9002 else f" --sim-port-out {link.port}"
-    host = "127.0.0.1" if link.address in ("127.0.0.1", "0.0.0.0") else link.address
     name = Path(o.vehicle).name
-    how_long = f", for {o.wait:g} s" if math.isfinite(o.wait) else ""
+    host = "127.0.0.1" if link.address == "0.0.0.0" else link.address
     return (
         f"{name} stands on the ground, rotor stopped. Listening on UDP {link.address}:"
-        f"{link.port}{how_long}; start ArduPilot with\n"
+        f"{link.port}{f', for {o.wait:g} s' if math.isfinite(o.wait) else ''}; start ArduPilot "
+        "with\n"
         f"  helisim ardupilot parm --vehicle {o.vehicle} --out {name}.parm\n"
-        f"  arducopter-heli --model JSON:{host}{out} --defaults {name}.parm\n"
+        f"  arducopter-heli --model JSON:{host}"
+        f"{'' if link.port == 9002 else f' --sim-port-out {link.port}'} --defaults {name}.parm\n"
         "and a ground station on its TCP port 5760, for which it waits. Ctrl-C ends."
     )
 
@@ -232,9 +232,13 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
         tell(f"parameters: {source}")
         try:
             flight = fly_script(seen, aircraft, program, own, log=o.log, say=tell, **calls)
-        finally:  # what led to a crash is in the record
+        finally:  # what led to a crash is in the record, which another signal doesn't lose
+            heard = {
+                one: signal.signal(one, lambda *_: None) for one in (signal.SIGINT, signal.SIGTERM)
+            }
             if aircraft.time > 0.0:
                 _writer(o, aircraft)()
+            list(map(signal.signal, heard, heard.values()))
     if o.log is not None:
         print_written(o, f"{o.log} ({o.log.stat().st_size / 1e6:.1f} MB)")
         if flight.lost:
