@@ -159,11 +159,11 @@ class SidLog(Log):
     ):  # fmt: skip
         """Fly a sweep, stopped after `stop` s, and write rows `keep`, (n_time,), of it.
 
-        It `lands` after so many s, as is `told` by motion or height alone, or a message (number
-        and fields).
+        It `lands` after so many s, as is `told` by motion or height alone, or a message (number and
+        fields), or doesn't and hovers.
         """
         time, injected, frequency, commands, motion = flown(axis, rate=self.rate, **options)
-        if told == "motion":
+        if told in ("motion", "hover"):
             motion = motion * (time < lands)[:, None]
         elif told != "height" and lands < np.inf:
             self.write(told[0], self.us + round(1e6 * lands), *told[1:])
@@ -193,8 +193,9 @@ class SidLog(Log):
             )
             if name not in self._without
         ]
-        if told == "height":
-            left = self._rows(14, begun + time, [12.0 * np.clip(1.0 - time / lands, 0.0, 1.0)])
+        if told in ("height", "hover"):
+            sunk = np.clip(time / lands, 0.0, 1.0) * (told == "height")
+            left = self._rows(14, begun + time, [12.0 - 12.0 * sunk])
             self.messages.append(left[::10].tobytes())
         if options.get("slip"):
             rows.append(self._rows(11, begun + time, [zero, 180.0 / np.pi * motion[:, 6]])[kept])

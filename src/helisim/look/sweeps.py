@@ -83,7 +83,9 @@ _STATES: dict[tuple[str, str], dict[int, str]] = {
     ("ERR", "Subsys"): {12: "crashed (ERR 12)"},
 }  # Message and field -> number -> what it did, "" for a lift-off
 _HEIGHTS = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))  # m, best first
-_LOW = 0.5  # m above the ground, or below it as a barometer has it: nothing flies there
+# _LOW: m above the ground, or below it as a barometer has it: nothing flies there
+# _HIGH: m, more than a barometer drifts: what doesn't move there hovers
+_LOW, _HIGH = 0.5, 5.0
 # SIDD's fields, deg/s and m/s^2; the spreads that one of them exceeds over a window in flight.
 _MOTION = {"Gx": 0.1, "Gy": 0.1, "Gz": 0.1, "Ax": 0.05, "Ay": 0.05, "Az": 0.05}
 _WINDOW, _FEWEST = 2.0, 8  # s, and samples in it
@@ -229,9 +231,8 @@ def _sweep(
     used = (time <= min(end, planned - fade)) & (frequency >= _RANGE[0]) & (frequency <= _RANGE[1])
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
     band = float(flown.min()), float(flown.max())
-    lies = _grounded(log, start, end) or _still(
-        log, start + _DELAY + row["TFin"], min(end, planned - fade)
-    )
+    told, swept = _grounded(log, start, end), (start + _DELAY + row["TFin"], planned - fade)
+    lies = _still(log, swept[0], min(end, swept[1])) if told is None else told
     if lies:
         complete, why = False, "not flown to its end"
     size = abs(row["Mag"])
@@ -248,8 +249,11 @@ def told_states(log: DataFlash) -> list[tuple[float, str]]:
     return sorted(states, key=lambda one: one[0])
 
 
-def _grounded(log: DataFlash, start: float, stop: float) -> str:
-    """Return why a vehicle was on the ground from `start` to `stop`, s since power-on, or ""."""
+def _grounded(log: DataFlash, start: float, stop: float) -> str | None:
+    """Return why a vehicle was on the ground from `start` to `stop`, s since power-on.
+
+    "" if it was high above it all the time, None if nothing tells.
+    """
     states = told_states(log)
     last = [one for one in states if one[0] <= start][-1:]
     for at, word in (*last, *(one for one in states if start < one[0] <= stop)):
@@ -257,17 +261,17 @@ def _grounded(log: DataFlash, start: float, stop: float) -> str:
             return f"the autopilot says that it {word} at {at - log.begins:.1f} s"
     for name, field in _HEIGHTS:
         if name in log and field in (table := log.table(name)).columns:
-            lifted = next((at for at, word in states if not word), -math.inf)
-            height, here = table[field], (table.time >= start) & (table.time <= stop)
-            before = np.asarray(height, np.float64)[table.time <= lifted]
-            above = np.asarray(height, np.float64) - (np.median(before) if before.size else 0.0)
-            low = here & (np.abs(above) < _LOW)
-            at = float(min(table.time[low], default=math.inf)) - log.begins
-            said = (
-                f"it was on the ground, or within {_LOW:g} m of it, at {at:.1f} s ({name}.{field})"
-            )
-            return said if low.any() else ""
-    return ""
+            here = (table.time >= start) & (table.time <= stop)
+            height = np.asarray(table[field], np.float64)
+            before = height[table.time <= next((at for at, word in states if not word), -math.inf)]
+            above = np.abs(height[here] - (np.median(before) if before.size else 0.0))
+            if np.any(above < _LOW):
+                return (
+                    f"it was on the ground, or within {_LOW:g} m of it, at "
+                    f"{table.time[here][above < _LOW][0] - log.begins:.1f} s ({name}.{field})"
+                )
+            return "" if above.size and np.all(above > _HIGH) else None
+    return None
 
 
 def _still(log: DataFlash, start: float, stop: float) -> str:
