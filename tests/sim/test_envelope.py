@@ -152,6 +152,7 @@ def test_the_record_goes_to_the_end_and_is_marked(wild):
 def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
     out = tmp_path / "lat.parquet"
     asked = ["fly", "--axis", "lat", "--amplitude", "0.5", "--duration", "20", "--quiet"]
+    asked += ["--set", "sweep.lat_w_min=0.8"]
     recording = tmp_path / "lat.rrd"
     assert main([*asked, "--out", str(out), "--rerun", str(recording)]) == 3
     assert recording.read_bytes().startswith(b"RRF2")
