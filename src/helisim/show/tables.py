@@ -349,9 +349,16 @@ def tuning(shown: AxisTuning) -> Table:
         for name in shown.today
     ]
     title, source = axis_of(shown.axis).word.capitalize(), "as flown" if shown.flown else "by model"
-    said = f"the gyro's noise moves the command {shown.noise:.2g} times as much as today"
-    notes = [("", said)] if shown.tuned else []
-    return table(title, f"figure<|today, {source}|with new gains|unit<", rows, notes=notes)
+    said = (
+        f"the gyro's noise moves the command {shown.noise:.2g} times as much as today, and gusts "
+        f"the attitude {shown.gusts:.2g} times"
+    )
+    return table(
+        title,
+        f"figure<|today, {source}|with new gains|unit<",
+        rows,
+        notes=[("", said)] if shown.tuned else [],
+    )
 
 
 def _within(found: Interval | None) -> str:
