@@ -1,11 +1,11 @@
 """Verdicts beside truths: clean flights are to be "sound", damaged ones are not, or unharmed.
 
-Six truths that the package has no part in are simulated at 1 kHz by SciPy's matrix exponential and
-recorded at 100 Hz with noise; 26 kinds of damage are done to the first, and all lose samples, in
-bursts of 20 to 250 ms or one by one. A wrong number said with confidence is a main parameter more
-than three stated errors (and 1 %) off in a fit that is "sound", unless the record can't show the
-damage: a fit that has the missing part, where it belongs, finds it within three errors of nothing.
-Such fits are counted apart.
+Seven truths that the package has no part in are simulated at 1 kHz by SciPy's matrix exponential
+and recorded at 100 Hz with noise; 26 kinds of damage are done to the first, and all lose samples,
+in bursts of 20 to 250 ms or one by one. A wrong number said with confidence is a main parameter
+more than three stated errors (and 1 %) off in a fit that is "sound", unless the record can't show
+the damage: a fit that has the missing part, where it belongs, finds it within three errors of
+nothing. Such fits are counted apart.
 
     python scripts/proof/verdicts.py [--seeds 10] [--clean 34] [--only saturates,clock]
 

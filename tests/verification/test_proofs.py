@@ -114,11 +114,12 @@ def test_derivatives_about_the_hover_lie_on_a_smooth_curve(name):
 # Damaged flights are not called sound; undamaged ones are, and are right.
 
 verdicts = script.loaded("proof/verdicts")
+SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
     "name",
-    ["yaw", *(pytest.param(k, marks=pytest.mark.slow) for k in ("ship", "rollpitch", "heave"))],
+    ["yaw", "dutch", *(pytest.param(k, marks=SLOW) for k in ("ship", "rollpitch", "heave"))],
 )
 def test_a_clean_flight_is_sound_and_right(name):
     found = verdicts.judged(verdicts.TRUTHS[name], verdicts.flights(verdicts.TRUTHS[name], 5))

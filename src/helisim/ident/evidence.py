@@ -227,12 +227,21 @@ class _Bands:
         return np.real(np.diagonal(self.fit.residual, axis1=1, axis2=2))[:, :, None] * own[:, None]
 
 
-def _bands(lines: Lines, drive: Sequence[str], response: Sequence[str], frf) -> _Bands:
+def _bands(
+    lines: Lines,
+    drive: Sequence[str],
+    response: Sequence[str],
+    frf: FrequencyResponse,
+    leading: int | None = None,
+) -> _Bands:
     low, high = frf.frequency[0] / (1.0 - _HALF), frf.frequency[-1] / (1.0 + _HALF)
     count = max(int(math.log(max(high / low, 1.0)) / math.log(_APART)) + 1, 1)
     frequency = np.geomspace(low, max(high, low), count) if count > 1 else np.array([low])
     places = lines.places(drive), lines.places(response)
-    return _Bands(frequency, fit_band(lines, *places, frequency, _HALF * frequency, transient=True))
+    return _Bands(
+        frequency,
+        fit_band(lines, *places, frequency, _HALF * frequency, transient=True, leading=leading),
+    )
 
 
 def _nonlinear(
@@ -251,51 +260,49 @@ def _nonlinear(
     made, why = _with_powers(flights, frf, inputs, model)
     lines = flight_lines(made, made[0].names, float(frf.frequency[-1]))
     found: dict[str, list[tuple[float, str]]] = {output: [] for output in frf.outputs}
-    for even in (False, True):  # apart, as a pole is sought that is common to all that is fitted
-        names = [name for name in why if name.startswith("|") == even]
-        bands = _bands(lines, inputs, (*frf.outputs, *names), frf)
-        n_out, left = len(frf.outputs), bands.fit.residual
-        power_of = _power(lines, lines.places((*frf.outputs, *names)), bands.frequency)
-        drive = _power(lines, lines.places(inputs), bands.frequency)
-        moved = np.nansum(  # of bands with fewer spare lines the gain is anything
-            (np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None])[bands.enough], axis=0
+    n_out = len(frf.outputs)
+    # with the outputs' poles: those of powers leave more of a light mode than any bend does
+    bands = _bands(lines, inputs, (*frf.outputs, *why), frf, leading=n_out)
+    left = bands.fit.residual
+    power_of = _power(lines, lines.places((*frf.outputs, *why)), bands.frequency)
+    drive = _power(lines, lines.places(inputs), bands.frequency)
+    moved = np.nansum(  # of bands with fewer spare lines the gain is anything
+        (np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None])[bands.enough], axis=0
+    )
+    mainly = moved >= _MINOR * moved.max(axis=1, keepdims=True)  # (n_out, n_in)
+    for (o, output), (c, name) in product(enumerate(frf.outputs), enumerate(why, start=n_out)):
+        even = name.startswith("|")
+        if even and not mainly[o, inputs.index(why[name])]:
+            continue  # sides of what hardly moves it bias nothing
+        power = np.maximum(np.real(left[:, o, o] * left[:, c, c]), 1e-300)
+        coherence = np.abs(left[:, o, c]) ** 2 / power
+        slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
+        part = slope[:, None] * (np.isin(inputs, why[name]) if even else bands.fit.gain[:, c])
+        apart = np.real(left[:, c, c]) > _OWN_PART * power_of[:, c]
+        whole, ok = bands.fit.gain[:, o], bands.enough & apart
+        own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
+        weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
+        count = np.count_nonzero(ok)
+        # -ln of the chance of each band's, whose sum has a Gamma distribution by chance
+        chance = -float(np.sum(((bands.fit.freedom - 1.0) * np.log1p(-coherence))[ok]))
+        share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
+            np.count_nonzero(weight * np.abs(part)), 1
         )
-        mainly = moved >= _MINOR * moved.max(axis=1, keepdims=True)  # (n_out, n_in)
-        for (o, output), (c, name) in product(
-            enumerate(frf.outputs), enumerate(names, start=n_out)
-        ):
-            if even and not mainly[o, inputs.index(why[name])]:
-                continue  # sides of what hardly moves it bias nothing
-            power = np.maximum(np.real(left[:, o, o] * left[:, c, c]), 1e-300)
-            coherence = np.abs(left[:, o, c]) ** 2 / power
-            slope = left[:, o, c] / np.maximum(np.real(left[:, c, c]), 1e-300)
-            part = slope[:, None] * (np.isin(inputs, why[name]) if even else bands.fit.gain[:, c])
-            apart = np.real(left[:, c, c]) > _OWN_PART * power_of[:, c]
-            whole, ok = bands.fit.gain[:, o], bands.enough & apart
-            own = np.abs(whole) ** 2 > _LOUD * bands.variance[:, o]
-            weight = np.where(ok[:, None] & own, 1.0 / np.maximum(np.abs(whole) ** 2, 1e-300), 0.0)
-            count = np.count_nonzero(ok)
-            # -ln of the chance of each band's, whose sum has a Gamma distribution by chance
-            chance = -float(np.sum(((bands.fit.freedom - 1.0) * np.log1p(-coherence))[ok]))
-            share = float(np.real(np.sum(weight * whole.conj() * part))) / max(
-                np.count_nonzero(weight * np.abs(part)), 1
+        if count and gammaincc(count, chance) < _RARE and abs(share) > (_BENT, _UNEVEN)[even]:
+            text = (
+                f"the size of {why[name]} moves it, too: {why[name]} does "
+                f"{200.0 * abs(share):.2g} % more to one side than to the other, and the model "
+                "has the mean of both"
+                if even
+                else f"{why[name]} explains what no linear response does: a linkage or a servo "
+                "follows it late on each way back"
+                if name.endswith("_")
+                else f"{why[name]} explains what no linear response does; {output} would be "
+                f"{abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
+                f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
+                "friction"
             )
-            rare = count and gammaincc(count, chance) < _RARE
-            if rare and abs(share) > (_BENT, _UNEVEN)[even]:
-                text = (
-                    f"the size of {why[name]} moves it, too: {why[name]} does "
-                    f"{200.0 * abs(share):.2g} % more to one side than to the other, and the model "
-                    "has the mean of both"
-                    if even
-                    else f"{why[name]} explains what no linear response does: a linkage or a servo "
-                    "follows it late on each way back"
-                    if name.endswith("_")
-                    else f"{why[name]} explains what no linear response does; {output} would be "
-                    f"{abs(share) / (1.0 + abs(share)) * 100.0:.2g} % "
-                    f"{'smaller' if share > 0.0 else 'larger'} by small inputs: a stop, a limit or "
-                    "friction"
-                )
-                found[output].append((chance, f"{output}: {text}"))
+            found[output].append((chance, f"{output}: {text}"))
     yield from (Note("nonlinear", max(said)[1]) for said in found.values() if said)
 
 

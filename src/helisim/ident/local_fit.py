@@ -105,17 +105,19 @@ def fit_band(
     *,
     transient: bool,
     poles: bool = True,
+    leading: int | None = None,
 ) -> BandFit:
     """Fit the lines within `half` of each frequency, (n_freq,) rad/s each.
 
-    `transient` estimates one for each flight, `poles` a common pole where needed.
+    `transient` estimates one for each flight, `poles` a common pole where needed: that of the
+    `leading` responses, or of all.
     """
     band = _gather(lines, drive, response, frequency, half)
     solved = _solve(band, None, transient=transient)
     fit = _band_fit(band, solved)
     if not poles:
         return fit
-    pole, worth = _linear_pole(band, solved)
+    pole, worth = _linear_pole(band, solved, leading)
     at = np.flatnonzero((worth > _WORTH) & fit.fits)
     if not at.size:
         return fit
@@ -123,7 +125,9 @@ def fit_band(
     part = _Band(**{one.name: getattr(band, one.name)[at] for one in fields(band)})
     pole = _kept_off(pole[at], least)
     solved = _solve(part, pole, transient=transient)
-    pole = _kept_off(pole + _pole_step(part, solved, pole), least)  # of Gauss and Newton's, once
+    pole = _kept_off(
+        pole + _pole_step(part, solved, pole, leading), least
+    )  # of Gauss and Newton's, once
     solved = _solve(part, pole, transient=transient)
     found = _band_fit(part, solved)
     before, after = (
@@ -133,7 +137,7 @@ def fit_band(
             (found.residual, found.freedom),
         )
     )
-    fallen = np.mean(before / np.maximum(after, 1e-300) - 1.0, axis=1)
+    fallen = np.mean((before / np.maximum(after, 1e-300) - 1.0)[:, :leading], axis=1)
     better = (fallen * found.freedom > _WORTH) & found.fits
     for one in fields(fit):
         getattr(fit, one.name)[at[better]] = getattr(found, one.name)[better]
@@ -258,12 +262,12 @@ def _orthonormal(offset: Real, root: Complex) -> Complex:
     return np.stack(terms, axis=-1)
 
 
-def _linear_pole(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
+def _linear_pole(band: _Band, solved: _Solved, leading: int | None = None) -> tuple[Complex, Real]:
     """Return the pole of A Y = B U + T + E, (n_freq,) in half widths, and its fall of chi^2."""
-    fitted, size = _fitted(band, solved)
+    fitted, rest, size = _fitted(band, solved, leading)
     offset = band.offset.reshape(*solved.over.shape, 1)
-    one = solved.remainder / size
-    two = solved.cleared((fitted + solved.remainder) * offset) / size
+    one = rest / size
+    two = solved.cleared((fitted + rest) * offset) / size
     pair = np.stack([one, two], axis=1).reshape(one.shape[0], 2, -1)
     power = pair.conj() @ pair.swapaxes(1, 2)
     chance = np.stack([np.sum(solved.loose * offset[..., 0] ** k, axis=1) for k in range(3)])
@@ -281,20 +285,26 @@ def _linear_pole(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
     return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), gain / after * solved.freedom
 
 
-def _pole_step(band: _Band, solved: _Solved, pole: Complex) -> Complex:
+def _pole_step(band: _Band, solved: _Solved, pole: Complex, leading: int | None) -> Complex:
     """Return Gauss and Newton's step of the common pole, (n_freq,)."""
-    fitted, size = _fitted(band, solved)
+    fitted, rest, size = _fitted(band, solved, leading)
     slope = solved.cleared(fitted * (solved.over / -pole[:, None])[:, :, None]) / size
-    pull = np.sum(slope.conj() * solved.remainder / size, axis=(1, 2))
+    pull = np.sum(slope.conj() * rest / size, axis=(1, 2))
     return pull / np.maximum(np.sum(np.abs(slope) ** 2, axis=(1, 2)), 1e-300)
 
 
-def _fitted(band: _Band, solved: _Solved) -> tuple[Complex, Real]:
-    """Return the explained part, (n_freq, n_row, n_response), and the remainder's size."""
-    rest = solved.remainder
-    fitted = band.right.reshape(rest.shape) - rest
+def _fitted(
+    band: _Band, solved: _Solved, leading: int | None = None
+) -> tuple[Complex, Complex, Real]:
+    """Return what is explained of the leading responses, the rest, and its size.
+
+    All are (n_freq, n_row, n_response).
+    """
+    rest = solved.remainder[:, :, :leading]
+    fitted = band.right.reshape(solved.remainder.shape)[:, :, :leading] - rest
     size = np.linalg.norm(rest, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
-    return fitted, np.maximum(size, 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300)[:, None, :]
+    least = 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300
+    return fitted, rest, np.maximum(size, least)[:, None, :]
 
 
 def _kept_off(place: Complex, least: Real) -> Complex:
