@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, RecordError, StorageError, shown
+from helisim.base.errors import InputError, StorageError, shown
 from helisim.base.files import file_size, pieces
 from helisim.base.units import is_unit
 from helisim.logs.mapping import Clock, Column, split_heading
@@ -36,6 +36,10 @@ def file_digest(path: Path) -> str:
     for data in pieces(path):
         total.update(data)
     return total.hexdigest()
+
+
+# Numbers that stand for none, of either sign, where they are twice as large as all others
+_CODES = (999.0, 9999.0, 99999.0, 32767.0, 32768.0, 65535.0)
 
 
 class Source(ABC):
@@ -78,16 +82,14 @@ class Source(ABC):
         return unit if unit is not None and is_unit(unit) else None
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column, (n_time,), NaN where it has no number.
+        """Return a column, (n_time,), NaN where it has no finite number, or a code for none.
 
-        Raises StorageError, or RecordError if a number is infinite.
+        Raises StorageError.
         """
         values = self._numbers(name)
-        infinite = np.flatnonzero(np.isinf(values))
-        if infinite.size:
-            where = self.place(self.clock(name), int(infinite[0]), name)
-            raise RecordError(f"{where}: {values[infinite[0]]} is not finite")
-        return values
+        known, coded = np.isfinite(values), np.isin(np.abs(values), _CODES)
+        most = np.max(np.abs(values), where=known & ~coded, initial=0.0)
+        return np.where(known & ~(coded & (np.abs(values) > 2.0 * most)), values, np.nan)
 
     def row_of(self, clock: str) -> str:
         """Return what a row of a clock's samples is called."""

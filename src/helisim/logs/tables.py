@@ -172,7 +172,7 @@ class TextLog(TimeTable):
         cells = self._column(name)
         if unit == DATES:
             return self._dates(name, cells), cells[0]
-        numbers = self._numbers(name)
+        numbers = self.numbers(name)
         missing = np.flatnonzero(np.isnan(numbers))
         if missing.size:
             raise RecordError(f"{self.place('time', int(missing[0]), name)}: no time")
@@ -183,16 +183,17 @@ class TextLog(TimeTable):
         return differences * TIME_UNITS[unit], f"{cells[0]} {unit}"
 
     def _dates(self, name: str, cells: Sequence[str]) -> NDArray[np.float64]:
+        """Return seconds since the first; times of day are of one day."""
         first, seconds = None, list[float]()
         for k, cell in enumerate(cells):
             try:
-                date = datetime.fromisoformat(cell)
+                date = datetime.fromisoformat(cell if "-" in cell else f"2000-01-01T{cell}")
                 first = first or date
                 seconds.append((date - first).total_seconds())
             except (ValueError, TypeError):  # the latter of dates with a zone and without
                 raise StorageError(
-                    f"{self.place('time', k, name)}: {shown(cell, 40)!r} is neither a number nor "
-                    "a date as 2026-01-31T12:00:00.125"
+                    f"{self.place('time', k, name)}: {shown(cell, 40)!r} is neither a number, a "
+                    "date as 2026-01-31T12:00:00.125 nor a time of day as 12:00:00.125"
                 ) from None
         return np.array(seconds)
 
@@ -203,8 +204,6 @@ class TextLog(TimeTable):
             comma = _is_number(cell.replace(",", "."))
             said = f"{shown(cell, 40)!r} is not a number{hint if comma else ''}"
             raise StorageError(f"{self.place('time', k, name)}: {said}")
-        if not math.isfinite(float(number)):
-            raise RecordError(f"{self.place('time', k, name)}: {shown(cell, 40)!r} is not finite")
         return float(number)
 
     def _point(self, text: str) -> str:
