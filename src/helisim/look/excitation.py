@@ -28,8 +28,9 @@ from helisim.records.record import (
 Kind = Literal["sweep", "3-2-1-1", "doublet", "pulse", "motion"]
 
 # _LEAST_SAMPLES: of a record that is looked at
-# _LONGEST_BLOCK: s, block to count as active; 1/20 of short logs
-_LEAST_SAMPLES, _LONGEST_BLOCK = 50, 5.0
+# _LONGEST_BLOCK: s, block to count as active; 1/20 of short logs, and of those of slow vehicles,
+# as ships: _SLOW: s, from one sample to the next at least
+_LEAST_SAMPLES, _LONGEST_BLOCK, _SLOW = 50, 5.0, 0.2
 # _ACTIVE: of what it moves in its liveliest blocks, from which a control is active
 # _QUIET: of its liveliest blocks, that its quietest move at most where they are noise
 _ACTIVE, _QUIET = 0.3, 0.6
@@ -153,7 +154,8 @@ def _events(values: Real) -> float:
 
 def _active(time: Real, values: Real) -> slice:
     step = (time[-1] - time[0]) / (time.size - 1)
-    width = min(max((time[-1] - time[0]) / 20.0, 5.0 * step), _LONGEST_BLOCK)
+    longest = _LONGEST_BLOCK if step < _SLOW else np.inf
+    width = min(max((time[-1] - time[0]) / 20.0, 5.0 * step), longest)
     size = max(round(width / step), 2)
     count = time.size // size
     blocks = values[: count * size].reshape(count, size)
