@@ -151,7 +151,10 @@ _WORDS: tuple[tuple[str, str, int], ...] = (
     *((words, "down", -1) for words in ("altitude", "height")),
     *((words, "lat", 1) for words in ("aileron", "lateral")),
     *((words, "lon", 1) for words in ("elevator", "longitudinal")),
-    *((words, "ped", 1) for words in ("rudder", "pedal", "pedals", "steering", "yoke heading")),
+    *(
+        (words, "ped", 1)
+        for words in ("rudder", "pedal", "pedals", "steer", "steering", "yoke heading")
+    ),
     *((words, "col", 1) for words in ("collective", "throttle")),
     *((words, "phi", 1) for words in ("bank", "roll")),
     ("pitch", "theta", 1),
