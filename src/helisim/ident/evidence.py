@@ -529,6 +529,11 @@ def _frozen(
             if k == 1
             or np.max(np.bincount(changes % k), initial=0) > _REGULAR * max(changes.size, _HELD)
         )
+        runs = np.hstack([np.diff(np.flatnonzero(np.diff(one[output]))) for one in flights])
+        values = np.unique(np.hstack([one[output] for one in flights]))
+        # a value that never comes again is no step of a converter's
+        if runs.size > _HELD and values.size > _REGULAR * runs.size:
+            every = max(every, round(float(np.median(runs))))
         if every > 1:
             yield Note(
                 "delay",
