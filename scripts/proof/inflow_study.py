@@ -23,7 +23,6 @@ from helisim.study.models import ROLLPITCH_IN1
 from helisim.study.truth import exact_response
 from helisim.vehicle.swashplate import TipPathPlane
 
-VEHICLE = "jr700"
 HEAVE_BAND, CYCLIC_BAND = (0.8, 60.0), (3.0, 42.0)
 FAST_BAND = (10.0, 60.0)  # rad/s, of flights with drift through the air as a further input.
 EXACT_BAND = (15.0, 60.0)  # rad/s, above what drift tilts the disc by.
@@ -32,7 +31,6 @@ SWEEPS = {
     "lat": hs.Sweep(axis="lat", band=(0.8, 70.0)),
     "lon": hs.Sweep(axis="lon", band=(0.8, 70.0)),
 }
-HOVER_BAND = (1.0, 40.0)
 QUASI_STEADY, PITT_PETERS, EXACT = "without inflow states", "with", "with, exact response"
 
 
@@ -73,7 +71,7 @@ def truth(vehicle: hs.Vehicle, recorder: hs.Recorder) -> dict[str, float]:
 def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, ident.Fit]:
     structure = hs.structures.hover_inflow.with_fixed({"turn": true["turn"]})
     sides = {"inputs": structure.inputs, "outputs": structure.outputs}
-    linear, omega = vehicle.linearize("IN1").select(**sides), np.geomspace(*HOVER_BAND, 150)
+    linear, omega = vehicle.linearize("IN1").select(**sides), np.geomspace(1.0, 40.0, 150)
     names, a, fits = list(linear.states), np.array(linear.a), {}
     states = np.eye(len(names))[[names.index(name) for name in structure.outputs]]
     for label, columns, rows in (
@@ -121,7 +119,7 @@ def worst(true: Mapping[str, float], fit: ident.Fit) -> str:
 
 
 def main(flights: int = 4) -> None:
-    moving = hs.load(VEHICLE, parameters={"main_rotor.inflow": "pitt-peters"})
+    moving = hs.load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
     recorder = hs.Recorder.of(moving)
     flown = {axis: hs.fly(moving, sweep, count=flights, seed=1) for axis, sweep in SWEEPS.items()}
     true = truth(moving, recorder)

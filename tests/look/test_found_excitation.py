@@ -80,9 +80,8 @@ def test_a_rest_within_an_excitation_is_short(slow, gap, start, kind):
 
 
 def test_a_sweep_is_seen_to_the_logs_end():
-    time = T[:5950]
-    one = excitation("lat", time, (chirp(1.0, 30.0, 10.0, T[-1]) + noise(0.02))[:5950])
-    assert one.stop == pytest.approx(time[-1], abs=0.05)
+    one = excitation("lat", T[:5950], (chirp(1.0, 30.0, 10.0, T[-1]) + noise(0.02))[:5950])
+    assert one.stop == pytest.approx(T[5949], abs=0.05)
     slow = excitation("lat", 25.0 * T, chirp(0.4, 12.0) + noise(0.02))  # as of a ship
     assert (slow.kind, slow.start) == ("sweep", pytest.approx(265.0, abs=15.0))
 

@@ -264,8 +264,9 @@ def _nonlinear(
     # with the outputs' poles: those of powers leave more of a light mode than any bend does
     bands = _bands(lines, inputs, (*frf.outputs, *why), frf, leading=n_out)
     left = bands.fit.residual
-    power_of = _power(lines, lines.places((*frf.outputs, *why)), bands.frequency)
-    drive = _power(lines, lines.places(inputs), bands.frequency)
+    power_of, drive = (
+        _power(lines, lines.places(one), bands.frequency) for one in ((*frf.outputs, *why), inputs)
+    )
     moved = np.nansum(  # of bands with fewer spare lines the gain is anything
         (np.abs(bands.fit.gain[:, :n_out]) ** 2 * drive[:, None])[bands.enough], axis=0
     )
