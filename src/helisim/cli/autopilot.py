@@ -238,7 +238,8 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
             }
             if aircraft.time > 0.0:
                 _writer(o, aircraft)()
-            list(map(signal.signal, heard, heard.values()))
+            for one, before in heard.items():
+                signal.signal(one, before)
     if o.log is not None:
         print_written(o, f"{o.log} ({o.log.stat().st_size / 1e6:.1f} MB)")
         if flight.lost:

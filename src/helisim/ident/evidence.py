@@ -506,7 +506,7 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[N
 def _frozen(
     flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
 ) -> Iterator[Note]:
-    """Yield outputs that stand still while inputs move, or change at each so many samples only."""
+    """Yield outputs that stand still while inputs move, or that are held for several samples."""
     total, step = sum(map(len, flights)), flights[0].sample_time
     for output in frf.outputs:
         still = sum(

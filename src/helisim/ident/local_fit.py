@@ -125,9 +125,8 @@ def fit_band(
     part = _Band(**{one.name: getattr(band, one.name)[at] for one in fields(band)})
     pole = _kept_off(pole[at], least)
     solved = _solve(part, pole, transient=transient)
-    pole = _kept_off(
-        pole + _pole_step(part, solved, pole, leading), least
-    )  # of Gauss and Newton's, once
+    step = _pole_step(part, solved, pole, leading)  # of Gauss and Newton's, once
+    pole = _kept_off(pole + step, least)
     solved = _solve(part, pole, transient=transient)
     found = _band_fit(part, solved)
     before, after = (

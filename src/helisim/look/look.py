@@ -388,9 +388,9 @@ def _followed(records: Sequence[FlightRecord], wanted: InferredFit) -> InferredF
 
 
 def _accepted(records: Sequence[FlightRecord], wanted: InferredFit, event: bool) -> str:
-    """Return a structure, or the lower order that `identify` advises. Raises as it does.
+    """Return a structure, or the lower order that `identify` advises in its place.
 
-    The command for an `event` names no band.
+    The command for an `event` names no band. Raises HelisimError where `identify` refuses it.
     """
     own = named(wanted.structure, wanted.inputs, wanted.outputs)
     asked = replace(wanted, band=resolved_band(records) if event else wanted.band)

@@ -186,13 +186,8 @@ def _asked(log: DataFlash, time: Real) -> Real:
     """
     law, angles = flown_law(log, time[0]), log.table("ANG" if "ANG" in log else "ATT")
     ticks = np.arange(time[0] - _SETTLES, time[-1] + law.period, law.period)
-    aim = np.array(
-        [
-            _between(stamps, np.unwrap(one), ticks)
-            for *_, name in LOGGED.values()
-            for stamps, one in [line(angles.time, np.radians(angles[name]))]
-        ]
-    )
+    aims = (line(angles.time, np.radians(angles[name])) for *_, name in LOGGED.values())
+    aim = np.array([_between(stamps, np.unwrap(one), ticks) for stamps, one in aims])
     moves = np.gradient(aim, law.period, axis=1) * (law.input_time is not None)
     added = law.ticked.select(ADDED, COMMANDS).simulate(
         law.wanted(aim - aim.mean(axis=1, keepdims=True), moves).T

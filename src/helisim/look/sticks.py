@@ -5,7 +5,6 @@ input-output method, so neither the loops nor gusts bias the responses (M. B. Ti
 Remple, Aircraft and Rotorcraft System Identification, 2nd ed., 2012, section 8.5).
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -17,7 +16,7 @@ from helisim.base.arrays import Complex, Real
 from helisim.base.errors import LogError
 from helisim.handling.arducopter import COMMANDS
 from helisim.ident import USABLE_COHERENCE
-from helisim.ident.frf import FlagWarning, frequency_response
+from helisim.ident.frf import estimated
 from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import LOGGED, line
 from helisim.look.sweeps import told_states
@@ -83,19 +82,20 @@ def stick_response(logs: Sequence[DataFlash]) -> StickResponse:
     IdentificationError if the parts of the flights are too short or commands moved as one.
     """
     starts, records = zip(*(one for log in logs for one in _records(log)))
-    period = max(one.sample_time for one in records)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FlagWarning)
-        found = frequency_response(
-            records,
-            inputs=COMMANDS,
-            outputs=RATES,
-            reference=[STICKS[one] for one in COMMANDS],
-            band=(_BAND[0], min(_BAND[1], 2.0 * np.pi / (_A_PERIOD * period))),
-        )
-    errors = np.abs(found.response) * np.hypot(found.random_error, _FLOWN)
+    slowest = _A_PERIOD * max(one.sample_time for one in records)
+    found = estimated(
+        records,
+        inputs=COMMANDS,
+        outputs=RATES,
+        reference=[STICKS[one] for one in COMMANDS],
+        band=(_BAND[0], min(_BAND[1], 2.0 * np.pi / slowest)),
+    )
     return StickResponse(
-        starts[0], found.frequency, found.response, errors, found.multiple_coherence
+        starts[0],
+        found.frequency,
+        found.response,
+        np.abs(found.response) * np.hypot(found.random_error, _FLOWN),
+        found.multiple_coherence,
     )
 
 
