@@ -318,5 +318,5 @@ def test_delays_of_inputs_that_were_left_out_are_no_states():
 
 def test_an_alias_of_a_type_is_what_it_stands_for():
     """`type Real = ...`, as NumPy 2.5 has it and Python 3.11 can't, says it by `__value__`."""
-    alias = SimpleNamespace(__value__=NDArray[np.float64])
+    alias = SimpleNamespace(__value__=SimpleNamespace(__value__=NDArray[np.float64]))
     assert settings.convert(alias, [1, 2], "it").dtype == np.float64

@@ -133,6 +133,18 @@ def test_errors_of_zeros_are_finite_differences():
             assert one.imag_error == pytest.approx(abs(slope.imag), abs=scale)
 
 
+@pytest.mark.parametrize("name", ["p/lat", "p/lon", "q/lat", "q/lon"])
+def test_zeros_at_the_origin_are_exact(name):
+    """Where no speed moves the fuselage, rates over cyclic have s^2, whatever the derivatives."""
+    free = values_of(structures.rollpitch_speeds)
+    still = {one: free.pop(one) * 0.0 for one in ("X_u", "Y_v", "L_v", "M_u", "L_p", "M_q")}
+    known = {"names": [*free], "covariance": np.diag(np.square([*free.values()]))}
+    found = modes(structures.rollpitch_speeds, free | still, [name], **known).zeros[name]
+    errors = [one.frequency_error for one in found if one.frequency < 1e-9]
+    assert errors == [0.0, 0.0]
+    assert all(one.separate for one in found if one.frequency < 1e-9)
+
+
 def close(a1):
     """Return the modes of s^2 + a1 s + 4 with an error of 0.1 on both coefficients."""
     structure = structures.transfer_function(zeros=0, poles=2, input="u", output="y")

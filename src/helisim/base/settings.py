@@ -414,7 +414,7 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
 def _unaliased(hint: Any) -> Any:
     """Return what an alias of a type stands for: `NDArray` is one from NumPy 2.5 on."""
     meant, parts = getattr(get_origin(hint) or hint, "__value__", hint), get_args(hint)
-    return meant[parts] if parts and meant is not hint else meant
+    return meant if meant is hint else _unaliased(meant[parts] if parts else meant)
 
 
 def _words(hint: Any, limits: Limits = FREE) -> str:

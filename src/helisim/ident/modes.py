@@ -262,7 +262,9 @@ def _changes(
         factor *= {"M": -roots, "H1": roots}.get(matrix, 1.0)
         at, across = row if of_state else last, column if by_state else last
         total[wanted[parameter]] += np.outer(factor * left[:, at], right[across])
-    return total
+    # a root that no parameter moves, as a rate's zero at the origin, merges with none
+    moved = np.any(np.diagonal(total, axis1=1, axis2=2), axis=0)
+    return np.where(moved[:, None] & moved, total, 0.0)
 
 
 def _zeros(a: Real, b: Real, c: Real, d: float) -> tuple[Complex, float]:
@@ -296,15 +298,17 @@ def _null_vectors(
     roots: NDArray, zero: Real, rate: Real, right: NDArray | None = None
 ) -> tuple[Complex, Complex]:
     count, size = roots.size, zero.shape[0]
-    lefts = np.zeros((count, size), dtype=np.complex128)
-    rights = np.zeros((size, count), dtype=np.complex128)
+    lefts, rights = (np.zeros(one, np.complex128) for one in ((count, size), (size, count)))
     for k, root in enumerate(roots):
         u, _, vh = np.linalg.svd(zero - root * rate)
-        lefts[k], rights[:, k] = u[:, -1].conj(), vh[-1].conj()
+        # rounding in a repeated root's vectors would be divided by a product of nearly zero
+        lefts[k], rights[:, k] = (
+            np.where(np.abs(one) > _ROUNDING, one.conj(), 0.0) for one in (u[:, -1], vh[-1])
+        )
     rights = rights if right is None else right.astype(np.complex128)
     with np.errstate(all="ignore"):
-        lefts /= np.einsum("ij,jk,ki->i", lefts, rate, rights)[:, None]
-    return lefts, rights
+        product = np.einsum("ij,jk,ki->i", lefts, rate, rights)
+        return lefts / np.where(product == 0.0, 1e-300, product)[:, None], rights
 
 
 def _with_errors(
