@@ -11,19 +11,8 @@ from small_design import PERIOD, SmallLaw, SmallPlant
 
 import helisim as hs
 from helisim.base.settings import to_plain
+from helisim.design import proof
 from helisim.design.exact import exact_loop, hands_off
-from helisim.design.proof import (
-    LINEAR,
-    SWEEPS,
-    Proof,
-    ProofPlan,
-    compare,
-    prove,
-    step_size,
-    stops,
-    sweep,
-    with_usual,
-)
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Damping, StabilityMargins
 from helisim.handling.measured.margins import MeasuredLoop
@@ -39,9 +28,9 @@ TRUE = Recorder(noise={}, resolution={}, latency={})
 @pytest.mark.parametrize("name", ["sticks_lat+lon", "sticks_ped"])
 def test_a_sweep_reaches_its_limit_as_the_loop_does_tick_by_tick(jr700, name):
     """Of axes at once each its share, 1 / sqrt n of the first limit, or a half of the stick."""
-    short = replace(SWEEPS[name], period=8.0, duration=26.0, band=(4.0, 60.0))
+    short = replace(proof.SWEEPS[name], period=8.0, duration=26.0, band=(4.0, 60.0))
     loop = exact_loop(hands_off(jr700).with_controller(HOLDS))
-    wave, whole = sweep(short, loop, jr700), loop._whole
+    wave, whole = proof.sweep(short, loop, jr700), loop._whole
     time = 0.002 * np.arange(10_000)  # 5 s at rest, most of a period until it is steady, and one
     sticks = wave.sticks(time)
     assert (wave.periods, wave.trim_time) == (2, 5.0)
@@ -52,7 +41,7 @@ def test_a_sweep_reaches_its_limit_as_the_loop_does_tick_by_tick(jr700, name):
         moved = detrend(moved, axis=0)  # speeds have not settled
         peaks = dict(zip(whole.outputs, np.abs(moved).max(axis=0)))
         turning = np.abs(np.diff(moved[:, [whole.outputs.index(one) for one in IN1]], axis=0))
-        used = [peak / LINEAR[one] for one, peak in peaks.items() if one in LINEAR]
+        used = [peak / proof.LINEAR[one] for one, peak in peaks.items() if one in proof.LINEAR]
         used.append(turning.max() / 0.002 / (0.6 * jr700.parameters["servo.rate_limit"]))
         # 2 %: peaks between ticks, and what is left of the start
         share = max(*used, amplitude / 0.5 / np.sqrt(len(wave.axes)))
@@ -65,13 +54,13 @@ def test_steps_turn_no_further_than_stays_linear(turned, size):
     angles = {"phi": 0.3 * turned, "theta": -turned, "psi": 0.0}
     signals = {name: np.array([0.0, one, 0.1 * one]) for name, one in angles.items()}
     loop = SimpleNamespace(step=lambda axis, size, duration: SimpleNamespace(signals=signals))
-    assert step_size(loop, "lat") == pytest.approx(size, rel=1e-12)
+    assert proof.step_size(loop, "lat") == pytest.approx(size, rel=1e-12)
 
 
 def test_a_comparison_has_what_each_loop_says_and_why_one_says_nothing():
     specs = (Spec(StabilityMargins(axis="lat"), "hard"), Spec(Damping(low=2.0)))
     loop = ClosedLoop(SmallPlant(), SmallLaw().linear(PERIOD))
-    table = compare(specs, predicted=loop, exact=None, flown=MeasuredLoop((), (), 2))
+    table = proof.compare(specs, predicted=loop, exact=None, flown=MeasuredLoop((), (), 2))
     assert [one.predicted for one in table] == [one.criterion.rate(loop) for one in specs]
     assert [one.unknown for one in table] == [
         {"flown": "nothing was injected into lat at actuators; there is no cut"},
@@ -86,15 +75,15 @@ def test_a_comparison_has_what_each_loop_says_and_why_one_says_nothing():
 def test_what_is_at_its_stops_is_told(jr700):
     kick = Pulse(axis="ped", amplitude=0.5, trim_time=0.3, width=0.2, duration=2.0)
     plan = FlightPlan(excitation=kick, pilot=Pilot(remnant=0.0))
-    assert stops(hands_off(jr700), plan)["PED"] == pytest.approx(0.1, abs=0.005)
+    assert proof.stops(hands_off(jr700), plan)["PED"] == pytest.approx(0.1, abs=0.005)
     calm = Pulse(axis="ped", amplitude=0.01, trim_time=0.3, width=0.2, duration=2.0)
     plan = FlightPlan(excitation=calm, pilot=Pilot(remnant=0.0))
-    assert not stops(hands_off(jr700), plan)
+    assert not proof.stops(hands_off(jr700), plan)
 
 
 def test_the_usual_is_told_whether_asked_or_not():
     own = Spec(StabilityMargins(axis="lat", at="sensors"), "hard")
-    found = with_usual((own, Damping()), ("lat", "ped"))
+    found = proof.with_usual((own, Damping()), ("lat", "ped"))
     assert found[0] is own
     assert [one.kind for one in found] == ["hard"] + 6 * ["check"]
     assert sum(isinstance(one.criterion, StabilityMargins) for one in found) == 2
@@ -105,11 +94,11 @@ def short(jr700):
     with pytest.MonkeyPatch.context() as patch:
         for name in ("actuators_ped", "sensors_ped"):
             few = {"period": 8.0, "duration": 26.0, "band": (4.0, 80.0)}
-            patch.setitem(SWEEPS, name, replace(SWEEPS[name], **few))
-        for name in SWEEPS.keys() - {"actuators_ped", "sensors_ped"}:
-            patch.delitem(SWEEPS, name)
-        plan = ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
-        return prove(jr700, HOLDS, (Damping(),), plan=plan)
+            patch.setitem(proof.SWEEPS, name, replace(proof.SWEEPS[name], **few))
+        for name in proof.SWEEPS.keys() - {"actuators_ped", "sensors_ped"}:
+            patch.delitem(proof.SWEEPS, name)
+        plan = proof.ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
+        return proof.prove(jr700, HOLDS, (Damping(),), plan=plan)
 
 
 def test_a_short_proof_has_the_exact_figures_of_what_it_swept(short):
@@ -139,7 +128,7 @@ def test_events_of_a_proof_are_steps_from_rest_and_one_gust_with_both_laws(short
             assert step.duration == 4.0
             assert moved[step.time < 0.5].max() < 1e-3 < moved.max() < 0.3
     stick = short.events["step_ped"]["PED"]
-    assert stick[-1] - stick[0] == pytest.approx(step_size(short.exact, "ped"), rel=1e-3)
+    assert stick[-1] - stick[0] == pytest.approx(proof.step_size(short.exact, "ped"), rel=1e-3)
     gusts = [events["gust"] for events in (short.events, short.before)]
     north, east = (np.ptp(gusts[0][name]) for name in ("air_u", "air_v"))
     assert north == pytest.approx(6.0, rel=0.2)
@@ -167,9 +156,9 @@ def rated(level):
 def test_hard_and_soft_specifications_are_held_against_flight_first(kind, flown, exact, said):
     spec = hs.Spec(hs.criteria.StabilityMargins(axis="lat"), kind)
     row = SimpleNamespace(spec=spec, flown=rated(flown), exact=rated(exact))
-    misses = Proof.misses.fget(SimpleNamespace(table=(row,)))
+    misses = proof.Proof.misses.fget(SimpleNamespace(table=(row,)))
     assert misses == (() if said is None else (f"stability_margins of roll: {said}",))
 
 
 def test_a_short_proof_is_as_kept(short, kept):
-    kept([short.to_dict(), {name: to_plain(wave) for name, wave in SWEEPS.items()}])
+    kept([short.to_dict(), {name: to_plain(wave) for name, wave in proof.SWEEPS.items()}])

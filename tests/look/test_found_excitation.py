@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 from command import said
 from helisim.logs import Column
 from helisim.logs.source import Topics
-from helisim.look.channels import SeenClock, guess, named
+from helisim.look import excitation as excited
+from helisim.look.channels import SeenChannel, SeenClock, _geographic, guess, named  # noqa: F401  (rows name them)
 from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, excitation, loops
 from helisim.records.record import CHANNELS, Channel, FlightRecord
 from tabled import tabled
@@ -219,3 +220,46 @@ def test_clocks_and_channels_are_told_in_a_line():
     found = guessed({"climb_m_s": (50.0, 3.0 * SWING), "q": (50.0, 0.0 * SWING + 0.2)})
     assert str(found["w"]).startswith("w = -'climb_m_s' [m/s], 50 Hz, -3 to 3: named")
     assert ", 0.2 to 0.2, constant: its name" in str(found["q"])
+
+
+def held(rate=50.0, count=5000, **columns):
+    """Return a record of channels at a rate, Hz; a number is the seed of white noise."""
+    made = {name: np.random.default_rng(one).standard_normal(count) if isinstance(one, int) else one
+            for name, one in columns.items()}  # fmt: skip
+    known = tuple(Channel(name, CHANNELS[name].unit, "OTHER") for name in made)
+    return FlightRecord(np.arange(count) / rate, np.column_stack([*made.values()]), known, {})
+
+
+def band(low, high, seed, count=5000, rate=50.0):
+    """Return noise of rms 1 in a band, rad/s."""
+    lines = np.fft.rfft(np.random.default_rng(seed).standard_normal(count))
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / rate)
+    values = np.fft.irfft(lines * ((low <= omega) & (omega <= high)), count)
+    return values / np.std(values)
+
+
+def small_answer(share):
+    """Return what answers 8 to 20 rad/s, a share of a control's power, and nothing else of it."""
+    own = np.sqrt(1.0 - share) * band(2.0, 6.0, 1) + np.sqrt(share) * (high := band(8.0, 20.0, 2))
+    one = FoundExcitation("lat", "sweep", 0.0, 99.98, 2.0, 20.0, 1.0)
+    return [each.output for each in answers(held(lat=own, p=high + band(2.0, 6.0, 3)), [one], {})]
+
+
+def explained(share, **more):
+    """Return which commands explain outputs, of whose power pedals hold a share beyond lat."""
+    noise = {name: np.random.default_rng(k).standard_normal(5000) for k, name in enumerate("abcd")}
+    p = noise["a"] + np.sqrt(share) * noise["b"] + np.sqrt(1.0 - share) * noise["c"]
+    record = held(lat=noise["a"], ped=noise["b"], col=0.0 * p, lon=noise["d"], p=p, **more)
+    return excited.beside([record, record], ("lat",), ("p",))
+
+
+def shape(*waves, width=1.0, step=0.01):
+    """Return kind, and ends in inverse half-waves, of so high half-waves, each as wide."""
+    values = np.repeat(waves, round(width / step))
+    kind, low, high = excited._kind(step * np.arange(values.size), np.array(values), 1.0)
+    return kind, round(low, 3), round(high, 3)
+
+
+@tabled("made", "wanted")
+def test_what_moved_and_what_it_is_called_by_hand(made, wanted):
+    assert made() == wanted

@@ -12,15 +12,19 @@ from scipy.signal import lfilter
 import autopilot_logs
 from command import said
 from helisim.base.errors import InputError
+from helisim.base.note import Option
 from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
 from helisim.cli.logs import command_line
 from helisim.ident import load_fit
 from helisim.logs import Clock, Column
 from helisim.logs.examples import examples
+from helisim.logs.report import OURS, LogFinding  # noqa: F401  (rows name it)
+from helisim.logs.timing import Options  # noqa: F401  (rows name it)
 from helisim.look import look
-from helisim.look.excitation import answers, whole
-from helisim.look.look import _band
+from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, whole
+from helisim.look.look import _band, _choices, _event, _instead, _main  # noqa: F401  (rows name them)
+from helisim.look.opened import LogLook, _mended  # noqa: F401  (rows name it)
 from helisim.records.record import CHANNELS, FlightRecord
 from tabled import tabled
 
@@ -278,3 +282,39 @@ def test_headings_of_many_hands_are_understood(tmp_path, heading, unit, rate):
     found = look(flown(tmp_path / "a.csv", heading=heading))
     units = {one.name: one.column.unit for one in found.logs[0].channels}
     assert (units, found.proposal.command) == ({"lat": unit, "p": rate}, "identify")
+
+
+def moved(channel, start=10.0, stop=20.0, kind="doublet", amplitude=1.0):
+    return FoundExcitation(channel, kind, start, stop, 1.0, 10.0, amplitude)
+
+
+def alone(one, *others):
+    """Return what is said of an event, behind a colon, and its limits."""
+    said = _event(one, others)
+    return said.text.partition(": ")[2], *(float(limit.value) for limit in said.remedy)
+
+
+def answered(input_, output, coherence=0.9):
+    return FoundAnswer(input_, output, 1.0, 10.0, coherence, f"tf:{output}")
+
+
+def chosen(*found, heading="cyclic", log_format="CSV"):
+    """Return structure and outputs of each choice for logs of these answers."""
+    seen = [SimpleNamespace(column=SimpleNamespace(column=heading))]
+    log = SimpleNamespace(answers=found, format=log_format, channels=seen)
+    return [(structure, *outputs) for structure, _, outputs in _choices([log])]
+
+
+def a_log(*seconds, **told):
+    """Return a look at a log whose parts last so many seconds."""
+    parts = [FlightRecord([0.0, one], np.zeros((2, 1)), (CHANNELS["p"],), {}) for one in seconds]
+    return LogLook("a.csv", "CSV", records=tuple(parts), **told)
+
+
+def finding(*options, **told):
+    return LogFinding("gap", "t", tuple(Option(*one.split("=")) for one in options), **told)
+
+
+@tabled("made", "wanted")
+def test_what_is_told_and_proposed_by_hand(made, wanted):
+    assert made() == wanted

@@ -7,7 +7,8 @@ from flown_copter import Flown, Plant
 from helisim.base.errors import IdentificationError, LogError
 from helisim.logs.dataflash import open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.sticks import stick_response
+from helisim.look.sticks import _records, stick_response
+from told_log import Rows, Told
 
 
 def told(log, folder):
@@ -48,3 +49,33 @@ def test_what_lies_or_moves_for_less_than_10_s_does_not_count(tmp_path):
         log.write(12, round(1e6 * at), event)
         with pytest.raises(error, match=said):
             told(log, tmp_path)
+
+
+def noises(step, lasts=60.0, turns=0.0):
+    """Return a log of rates that answer noise on the commands; targets of attitude go round."""
+    time = 5.0 + np.arange(0.0, lasts, step)
+    random = np.random.default_rng(1).standard_normal((7, time.size))
+    aims = np.cumsum(random[:3], axis=0) + turns * np.arange(time.size)
+    sent = {f"{axis}Out": one for axis, one in zip("RPY", random[:3])}
+    rates = {axis: 2.0 * one + 0.1 * more for axis, one, more in zip("RPY", random, random[3:])}
+    wrapped = (aims + 180.0) % 360.0 - 180.0
+    aimed = dict(zip(("DesRoll", "DesPitch", "DesYaw"), wrapped))
+    return Told(RATE=Rows(time, **sent, **rates), ANG=Rows(time, **aimed))
+
+
+def test_a_slow_log_shows_what_five_samples_a_period_do():
+    """Samples of 50 ms show 25 rad/s, of 100 ms half of that; targets are the same across 180."""
+    for step, highest in ((0.05, 8.0 * np.pi), (0.1, 4.0 * np.pi)):
+        found = stick_response([noises(step)])
+        assert found.start == pytest.approx(5.0 + 0.5 * step)
+        # a line of the windows' 12 s is half a rad/s
+        assert highest - 0.6 < found.frequency[-1] <= highest
+    ((start, one),) = _records(noises(0.1))
+    assert (start, one.sample_time) == pytest.approx((5.05, 0.1))
+    ((_, round_),) = _records(noises(0.1, turns=7.0))
+    assert round_["PED"] == pytest.approx(one["PED"] + np.radians(70.0))  # 7 deg a step of 0.1 s
+    with pytest.raises(LogError, match=r"logged each 0\.151 s; expected 0\.15 s or less"):
+        stick_response([noises(0.151)])
+    assert _records(noises(0.1, lasts=10.3))
+    with pytest.raises(LogError, match="moves in flight for 10 s"):
+        _records(noises(0.1, lasts=9.9))

@@ -16,11 +16,14 @@ from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import Curve
 from helisim.ident.rational import order as found_order
 from helisim.logs import Column
+from helisim.logs.dataflash import LogText  # noqa: F401  (rows name it)
+from helisim.look import loops, sticks, sweeps, systemid  # noqa: F401  (rows name them)
 from helisim.look.loops import flown_loops
 from helisim.look.sweeps import SID_AXES, usual_step
 from helisim.look.systemid import estimate_fits, followed_band, infer, sent_yaw, tail_servo
 from sid_logs import TRUTH, SidLog, flown, four_axes
 from tabled import tabled
+from told_log import Rows, Told
 
 HZ = 2.0 * np.pi
 SHORT = {"length": 12.0, "low": 1.0}
@@ -467,3 +470,51 @@ def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):
 def test_what_cannot_be_measured_is_said_in_one_line(tmp_path, capsys, axis, words, without, said):
     path = SidLog(without=without).sweep(axis, length=12.0, low=1.0).save(tmp_path)
     assert said in fails(capsys, "margins", path, *words, "--quiet")
+
+
+# What single messages say, by hand; a log begins a second after power-on.
+
+
+def one_flown(axis=10, start=0.0, stop=30.0, low=HZ, high=5.0 * HZ, grounded=""):
+    return sweeps.FlownSweep(axis, start, stop, 0.05, low, high, True, "complete", grounded)
+
+
+def told_sweep(ended=(), logged=35.95, alt=(10.0, 10.0), **row):
+    """Return a sweep of 20 s from 10 s on, which fades for 1 and 2 s, from 0.5 Hz by 0.1 Hz/s."""
+    time, row = np.arange(10.0, logged, 0.1), {"Ax": 10.0, "Mag": -0.05, "FSt": 0.5, **row}
+    log = Told(CTUN=Rows([12.0, 34.0], Alt=alt))
+    row |= {"TFin": 1.0, "TR": 20.0, "TFout": 2.0}
+    return sweeps._sweep(log, 10.0, row, time, 0.5 + 0.1 * (time - 10.0), ended)
+
+
+def spans(one):
+    numbers = one.start, one.stop, one.low / HZ, one.high / HZ, one.magnitude
+    return [round(each, 6) for each in numbers]
+
+
+def swung(rate=10.0, until=6.0, size=0.2, field="Gx"):
+    """Return a table of SIDD whose one field goes to and fro, and then rests."""
+    time = np.arange(0.0, 10.0, 1.0 / rate)
+    rows = Rows(time, **dict.fromkeys(("Gx", "Gy", "Gz", "Ax", "Ay", "Az"), 0.0 * time))
+    rows[field] = np.where(time < until, size * (-1.0) ** np.arange(time.size), 0.0)
+    return Told(SIDD=rows)
+
+
+def hover(own=None, **tables):
+    """Return rotor speed, hover, lean and wind, and how they are known."""
+    found = systemid._conditions(Told(own, **tables), (), [(0.0, 2.0), (4.0, 6.0)])
+    known = [found.known_by.get(name, "").partition(",")[0] for name in ("rotor_speed", "lean")]
+    values = (found.rotor_speed, found.hover, found.lean, found.wind)
+    return [None if one is None else pytest.approx(one) for one in values], *known
+
+
+def inferred(*flown, rate=100.0, names=("lat", "lon", "ped", "p", "q", "r"), **changes):
+    taken = tuple(systemid.TakenChannel(name, Column(name), 100.0, "") for name in names)
+    log = systemid.InferredLog("a", "", True, flown, taken, changes.pop("own", {}), 0.0)
+    log = systemid.replace(log, **changes)
+    return systemid.Inferred((log,), systemid.Options(rate))
+
+
+@tabled("made", "wanted")
+def test_what_single_messages_say(made, wanted):
+    assert made() == wanted

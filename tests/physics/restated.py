@@ -13,22 +13,11 @@ from numba import njit
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from helisim.physics import pilot
-from helisim.physics.layout import (
-    DOUBLET,
-    HANDS_OFF_ROTOR,
-    HISTORY,
-    INJECTION,
-    PARAM,
-    ROLL_ATTITUDE,
-    ROLL_VELOCITY,
-    STATE,
-    SWEEP,
-)
+from helisim.physics import layout, pilot
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
-GYRO_STATES = slice(STATE.gyro_q_filter, STATE.gyro_r_integral + 1)
+GYRO_STATES = slice(layout.STATE.gyro_q_filter, layout.STATE.gyro_r_integral + 1)
 SERVOS = ("front", "left", "right", "tail")
 MIX = np.array([[1, 1, 0], [1, -0.5, np.sqrt(0.75)], [1, -0.5, -np.sqrt(0.75)]])
 """Front, left and right servo from collective, longitudinal and lateral."""
@@ -52,19 +41,19 @@ class Moment:
     lags: dict
     """Of the gyro's filters, s, which the force laws know by what they do in a period."""
     wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    added: np.ndarray = field(default_factory=lambda: np.zeros(len(INJECTION)))
+    added: np.ndarray = field(default_factory=lambda: np.zeros(len(layout.INJECTION)))
     """What a manoeuvre adds, where it is flown as a history: sticks, commands, servos, rates."""
 
     @property
     def p(self) -> SimpleNamespace:
-        return SimpleNamespace(**dict(zip(PARAM._fields, self.par)), **self.lags)
+        return SimpleNamespace(**dict(zip(layout.PARAM._fields, self.par)), **self.lags)
 
     @property
     def s(self) -> SimpleNamespace:
-        return SimpleNamespace(**dict(zip(STATE._fields, self.act)))
+        return SimpleNamespace(**dict(zip(layout.STATE._fields, self.act)))
 
     def injected(self, first: int, count: int) -> np.ndarray:
-        on = self.p.excitation == HISTORY
+        on = self.p.excitation == layout.HISTORY
         return on * self.added[first : first + count]
 
     @property
@@ -108,7 +97,7 @@ def air(m):
         velocity += share * np.array([p.gust_north, p.gust_east, p.gust_down])
     if p.turbulence_on:
         turn = Rotation.from_euler("z", np.arctan2(p.turbulence_sine, p.turbulence_cosine))
-        moving = turbulence(p)[0] @ m.act[STATE.air_u : STATE.air_r_lag + 1]
+        moving = turbulence(p)[0] @ m.act[layout.STATE.air_u : layout.STATE.air_r_lag + 1]
         velocity += turn.apply(moving[:3])
         rates = turn.apply(moving[3:])
     return np.concatenate([m.earth.T @ velocity, m.earth.T @ rates])
@@ -120,7 +109,7 @@ def gyro(m):
     Filters and integrals by the matrix exponential of their equations, what is read being held.
     """
     p, s = m.p, m.s
-    roll, pitch, yaw = m.rates + m.injected(INJECTION.rate_p, 3)
+    roll, pitch, yaw = m.rates + m.injected(layout.INJECTION.rate_p, 3)
 
     def unless_saturated(error, command):
         return 0.0 if abs(command) > p.gyro_hold_above and error * command > 0.0 else 1.0
@@ -175,23 +164,23 @@ def sticks(m):
             p.pilot_lon
             + p.pilot_k_attitude * (p.pilot_theta - p.pilot_k_velocity * wanted[0] - theta),
             p.pilot_lat
-            + (p.pilot_k_attitude + m.par[ROLL_ATTITUDE])
-            * (p.pilot_phi + (p.pilot_k_velocity + m.par[ROLL_VELOCITY]) * wanted[1] - phi),
+            + (p.pilot_k_attitude + m.par[layout.ROLL_ATTITUDE])
+            * (p.pilot_phi + (p.pilot_k_velocity + m.par[layout.ROLL_VELOCITY]) * wanted[1] - phi),
             p.pilot_ped + p.pilot_k_heading * off_heading,
         ]
     )
     since, excited = m.time - p.excitation_start, 0.0
-    if p.excitation == SWEEP:
+    if p.excitation == layout.SWEEP:
         shape = (p.sweep_w_min, p.sweep_w_max, p.sweep_fade, p.sweep_unsteadiness, p.pilot_seed)
         excited = sweep(since, p.excitation_duration, *shape)
-    if p.excitation == DOUBLET:
+    if p.excitation == layout.DOUBLET:
         excited = pilot.doublet(since, p.excitation_duration)
     for k, axis in enumerate(("col", "lon", "lat", "ped")):
         noise = remnant(m.time, p.remnant_interval, p.pilot_seed, k)
         held[k] += (
             getattr(p, f"excitation_{axis}") * excited + getattr(p, f"remnant_{axis}") * noise
         )
-    return np.clip(held + m.injected(INJECTION.stick_col, 4), -0.5, 0.5)
+    return np.clip(held + m.injected(layout.INJECTION.stick_col, 4), -0.5, 0.5)
 
 
 def control(m):
@@ -200,30 +189,32 @@ def control(m):
     if not m.tick:
         return ctrl, act
     if p.pilot_on:
-        ctrl[:4], ctrl[8] = sticks(m), 1.0 if p.pilot_on != HANDS_OFF_ROTOR else ctrl[8]
+        ctrl[:4], ctrl[8] = sticks(m), 1.0 if p.pilot_on != layout.HANDS_OFF_ROTOR else ctrl[8]
     if p.gyro_on:
         m.ctrl = ctrl
         (lat, lon, ped), moved = gyro(m)
-        starts = 0.5 if act[STATE.law_tick] == 0.0 else 0.0
-        act[STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0 + starts
-        act[STATE.felt_x : STATE.felt_z + 1] = act[STATE.feels_x : STATE.feels_z + 1]
-        act[len(STATE) :] = act[GYRO_STATES]
+        starts = 0.5 if act[layout.STATE.law_tick] == 0.0 else 0.0
+        act[layout.STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0 + starts
+        act[layout.STATE.felt_x : layout.STATE.felt_z + 1] = act[
+            layout.STATE.feels_x : layout.STATE.feels_z + 1
+        ]
+        act[len(layout.STATE) :] = act[GYRO_STATES]
         for name, value in moved.items():
-            act[getattr(STATE, name)] = value
+            act[getattr(layout.STATE, name)] = value
         lat, lon, ctrl[7] = np.clip([lat, lon, ped], -0.5, 0.5)
         ctrl[4:7] = MIX @ [p.gyro_collective * ctrl[0], lon, lat]
-        ctrl[4:8] += m.injected(INJECTION.command_front, 4)
+        ctrl[4:8] += m.injected(layout.INJECTION.command_front, 4)
     return ctrl, act
 
 
 def state_rates(m):
     """Return the derivatives of servos and air, (n_state,), 0 for the others."""
     p, s = m.p, m.s
-    rates = dict.fromkeys(STATE._fields, 0.0)
+    rates = dict.fromkeys(layout.STATE._fields, 0.0)
     for k, name in enumerate(SERVOS):
         part = "tail" if name == "tail" else "swash"
         frequency, damping = getattr(p, f"{part}_frequency"), getattr(p, f"{part}_damping")
-        command = m.ctrl[4 + k] + m.injected(INJECTION.actuator_front, 4)[k]
+        command = m.ctrl[4 + k] + m.injected(layout.INJECTION.actuator_front, 4)[k]
         limit = p.servo_rate_limit
         position, rate = getattr(s, f"{name}_position"), getattr(s, f"{name}_rate")
         if p.faults and m.last_tick >= getattr(p, f"{name}_fault_at") - 1e-9:
@@ -241,7 +232,7 @@ def state_rates(m):
             hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period)) for k in range(4)
         ]
         _, a, b = turbulence(p)
-        air_states = slice(STATE.air_u, STATE.air_r_lag + 1)
-        rates |= dict(zip(STATE._fields[air_states], a @ m.act[air_states] + b @ noise))
-    moved = np.array([rates[name] for name in STATE._fields])
-    return np.concatenate([moved, np.zeros(m.act.size - len(STATE))])
+        air_states = slice(layout.STATE.air_u, layout.STATE.air_r_lag + 1)
+        rates |= dict(zip(layout.STATE._fields[air_states], a @ m.act[air_states] + b @ noise))
+    moved = np.array([rates[name] for name in layout.STATE._fields])
+    return np.concatenate([moved, np.zeros(m.act.size - len(layout.STATE))])

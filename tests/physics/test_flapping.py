@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from helisim.physics.flapping import (
-    Disc,
-    advance_ratios,
-    disc,
-    flapping_rates,
-    skewed_slopes,
-    tilt_by_flight,
-)
+from helisim.physics import flapping
 from helisim.physics.inflow import inflow_rates, wake
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
@@ -24,7 +17,7 @@ SPEED = 100.0
 STILL = Velocities(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def held_by(par, lock, frequency=1.0, direction=-1.0, speed=1.0) -> Disc:
+def held_by(par, lock, frequency=1.0, direction=-1.0, speed=1.0) -> flapping.Disc:
     found = flapping_from_blade(
         lock_number=lock,
         speed=SPEED,
@@ -41,11 +34,11 @@ def held_by(par, lock, frequency=1.0, direction=-1.0, speed=1.0) -> Disc:
     par[PARAM.flap_stiffness] = frequency**2 - 1.0
     springs = plane.share * SPEED * plane.springs
     par[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
-    return disc(par, speed)
+    return flapping.disc(par, speed)
 
 
 def rates(held, tilt, motion=STILL, air=STILL, target=(0.0, 0.0), step=0.0):
-    return np.array(flapping_rates(*tilt, motion, air, *target, held, step))
+    return np.array(flapping.flapping_rates(*tilt, motion, air, *target, held, step))
 
 
 def motion_of(held):
@@ -105,8 +98,8 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     main = main._replace(inflow=through, induced=induced, tip_speed=tip, pitch=pitch)
     main = main._replace(climb=through - induced, advance=np.hypot(advance, sideways))
     par[PARAM.main_twist] = twist
-    way = advance_ratios(motion, main)
-    return tilt_by_flight(par, main, held, *way, *skewed_slopes(par, main, *way))
+    way = flapping.advance_ratios(motion, main)
+    return flapping.tilt_by_flight(par, main, held, *way, *flapping.skewed_slopes(par, main, *way))
 
 
 @tabled("direction", "way", "advance", "twist")
@@ -182,7 +175,7 @@ def test_a_rotor_that_stops_lays_its_blades_down(par, lock, frequency):
     rolling = Velocities(3.0, -2.0, 1.0, 1.0, -0.5, 0.2)
     before, hung = None, held_by(par, lock, frequency)
     for speed in np.linspace(1.2, 0.0, 1201):
-        held = disc(par, speed)
+        held = flapping.disc(par, speed)
         now = rates(held, (0.2, -0.1), motion=rolling, target=(0.1, 0.1))
         growth = np.linalg.eigvals(motion_of(held)).real
         assert np.all(growth < 0.0)
@@ -217,7 +210,7 @@ def test_slopes_are_those_at_which_dynamic_inflow_rests(par, climb, advance):
     ahead, right, mean = 0.6 * advance, -0.8 * advance, 0.03
     main = MainRotor(*[0.0] * len(MainRotor._fields))
     main = main._replace(induced=mean, climb=climb, advance=advance)
-    across, aft = skewed_slopes(par, main, ahead, right)
+    across, aft = flapping.skewed_slopes(par, main, ahead, right)
     behind = wake(mean, climb, advance, ahead, right)
     thrust = 2.0 * behind.flow * mean  # momentum
     rates = inflow_rates(mean, across, aft, thrust, 0.0, 0.0, behind, 1.0, 1.0, 15.0 * np.pi / 32.0)

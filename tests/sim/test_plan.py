@@ -9,23 +9,6 @@ from pathlib import Path
 import pytest
 
 import helisim as hs
-from helisim import (
-    Deck,
-    Doublet,
-    FlightEnvelope,
-    FlightPlan,
-    Ground,
-    Gust,
-    Pilot,
-    Recorder,
-    RecordGap,
-    SampleLoss,
-    ServoStuck,
-    Sweep,
-    Swing,
-    Weather,
-    sim,
-)
 from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
 from helisim.records.storage import read_record
@@ -34,24 +17,26 @@ from helisim.sim.missions import autopilot
 from helisim.vehicle import load
 from tabled import tabled
 
-SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
-FULL = FlightPlan(
-    excitation=Doublet(axis="ped", amplitude=0.05, width=0.4),
-    pilot=Pilot(remnant=0.001),
-    recorder=Recorder(rate_hz=200.0, noise={"p": 0.01}, latency={"r": 0.02}),
-    weather=Weather(rms=(1.0, 2.0, 0.5), gust=Gust(down=2.0), wind=3.0),
+SHORT = hs.Sweep(axis="lat", duration=8.0, trim_time=1.0)
+FULL = hs.FlightPlan(
+    excitation=hs.Doublet(axis="ped", amplitude=0.05, width=0.4),
+    pilot=hs.Pilot(remnant=0.001),
+    recorder=hs.Recorder(rate_hz=200.0, noise={"p": 0.01}, latency={"r": 0.02}),
+    weather=hs.Weather(rms=(1.0, 2.0, 0.5), gust=hs.Gust(down=2.0), wind=3.0),
     faults=(
-        SampleLoss(share=0.01),
-        ServoStuck(servo="servo_tail", at=3.0),
-        RecordGap(at=4.0, lasts=0.1),
+        hs.SampleLoss(share=0.01),
+        hs.ServoStuck(servo="servo_tail", at=3.0),
+        hs.RecordGap(at=4.0, lasts=0.1),
     ),
-    ground=Ground(effect=0.4, deck=Deck(width=4.0, heave=Swing(amplitude=0.5, period=6.0))),
-    envelope=FlightEnvelope(tilt=0.8, descent=None, touchdown=1.0),
+    ground=hs.Ground(
+        effect=0.4, deck=hs.Deck(width=4.0, heave=hs.Swing(amplitude=0.5, period=6.0))
+    ),
+    envelope=hs.FlightEnvelope(tilt=0.8, descent=None, touchdown=1.0),
 )
 PLANS = {
-    "all else default": FlightPlan(excitation=SHORT),
+    "all else default": hs.FlightPlan(excitation=SHORT),
     "everything set": FULL,
-    "nothing limited": FlightPlan(excitation=SHORT, envelope=FlightEnvelope.off()),
+    "nothing limited": hs.FlightPlan(excitation=SHORT, envelope=hs.FlightEnvelope.off()),
 }
 
 
@@ -59,7 +44,7 @@ PLANS = {
 def test_a_plan_comes_back_from_its_file_and_its_data(tmp_path, name):
     plan = PLANS[name]
     write_plan(plan, tmp_path / "plan.toml")
-    through_json = FlightPlan.from_dict(json.loads(json.dumps(plan.to_dict())))
+    through_json = hs.FlightPlan.from_dict(json.loads(json.dumps(plan.to_dict())))
     for again in (read_plan(tmp_path / "plan.toml"), through_json):
         assert again == plan
         assert hash(again) == hash(plan)
@@ -69,25 +54,25 @@ def test_a_plan_comes_back_from_its_file_and_its_data(tmp_path, name):
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
 def test_a_plan_on_a_vehicle_has_nothing_left_open(name):
     vehicle = load(name)
-    plan = FlightPlan(excitation=Sweep(axis="ped")).on(vehicle)
+    plan = hs.FlightPlan(excitation=hs.Sweep(axis="ped")).on(vehicle)
     own = vehicle.parameters
     assert plan.excitation.amplitude == own["sweep.ped_amplitude"]
     assert plan.excitation.band == (own["sweep.ped_w_min"], own["sweep.ped_w_max"])
-    assert plan.recorder == Recorder.of(vehicle)
+    assert plan.recorder == hs.Recorder.of(vehicle)
     assert plan.on(vehicle) == plan
-    assert FlightPlan.from_dict(tomllib.loads(plan.to_toml())) == plan
+    assert hs.FlightPlan.from_dict(tomllib.loads(plan.to_toml())) == plan
 
 
 def test_a_recorder_keeps_the_vehicles_latencies_and_equal_numbers_make_equal_plans(jr700):
     content = {"excitation": {"kind": "Sweep", "axis": "lat"}, "recorder": {"rate_hz": 200}}
-    plan = FlightPlan.from_dict(content)
-    assert plan.on(jr700).recorder == replace(Recorder.of(jr700), rate_hz=200.0)
+    plan = hs.FlightPlan.from_dict(content)
+    assert plan.on(jr700).recorder == replace(hs.Recorder.of(jr700), rate_hz=200.0)
     content["recorder"]["latency"] = {}
-    assert FlightPlan.from_dict(content).on(jr700).recorder == Recorder(rate_hz=200.0)
-    plan = FlightPlan(excitation=Sweep(axis="lat", duration=90.0, band=(1.0, 20.0)))
-    other = FlightPlan(excitation=Sweep(axis="lat", duration=90, band=[1, 20]), faults=[])
+    assert hs.FlightPlan.from_dict(content).on(jr700).recorder == hs.Recorder(rate_hz=200.0)
+    plan = hs.FlightPlan(excitation=hs.Sweep(axis="lat", duration=90.0, band=(1.0, 20.0)))
+    other = hs.FlightPlan(excitation=hs.Sweep(axis="lat", duration=90, band=[1, 20]), faults=[])
     assert (other, hash(other), other.digest) == (plan, hash(plan), plan.digest)
-    one, two = (Recorder(rate_hz=rate, noise={"p": 0.0, "q": 1.0}) for rate in (100.0, 100))
+    one, two = (hs.Recorder(rate_hz=rate, noise={"p": 0.0, "q": 1.0}) for rate in (100.0, 100))
     assert (one, hash(one)) == (two, hash(two))
 
 
@@ -110,7 +95,7 @@ def test_a_file_that_is_no_toml_and_a_record_of_others_have_no_plan(tmp_path, jr
             read_plan(tmp_path / name)
     (record,) = fly(jr700, SHORT, seed=3, jobs=1)
     with pytest.raises(InputError, match="helisim didn't fly it"):
-        FlightPlan.of_record(replace(record, provenance={}))
+        hs.FlightPlan.of_record(replace(record, provenance={}))
 
 
 OPTIONS = ["--axis", "lat", "--duration", "13", "--turbulence", "light", "--wind", "2"]
@@ -127,7 +112,7 @@ def test_a_printed_plan_flies_the_same(tmp_path, capsys):
     for asked, out in zip((OPTIONS, ["--plan", str(path)]), files):
         assert main(["fly", *asked, "--quiet", "--out", str(out)]) == 0
     assert files[0].read_bytes() == files[1].read_bytes()
-    assert FlightPlan.of_record(read_record(files[1])) == read_plan(path)
+    assert hs.FlightPlan.of_record(read_record(files[1])) == read_plan(path)
 
 
 NAN, INF = math.nan, math.inf
@@ -140,7 +125,7 @@ def four(**settings):
 
 TABLE = Path(__file__).with_name("refused.txt").read_text(encoding="utf-8").splitlines()
 """Each with what is made, and what is said of it."""
-NAMES = {**vars(plan), **vars(autopilot), **vars(sim), **globals()}
+NAMES = {**vars(plan), **vars(autopilot), **vars(hs.sim), **globals()}
 
 
 @pytest.mark.parametrize("line", TABLE)

@@ -123,7 +123,7 @@ def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExc
     time, values = record.time, record[channel] - np.mean(record[channel])
     if _rests(record[channel]):
         return None
-    band = _occupied(record.duration / (time.size - 1), values)
+    band = _occupied(record.sample_time, values)
     amplitude = float(np.quantile(np.abs(values), 0.98))
     return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), *band, amplitude)
 
@@ -218,7 +218,7 @@ def answers(
 def _answer(
     part: FlightRecord, excited: FoundExcitation, output: str, rates: Mapping[str, float]
 ) -> list[FoundAnswer]:
-    step = part.duration / (len(part) - 1)
+    step = part.sample_time
     few = WINDOWS if excited.kind in ("motion", "sweep") else _OF_SHAPES
     omega, cross = _cross_spectra(part.select((excited.channel, output)), step, few)
     coherence = between(cross)[0, 1]
@@ -277,7 +277,7 @@ def beside(
 
 def _share(record: FlightRecord, names: Sequence[str], n: int) -> float:
     """Return the power's share of which signal n explains one behind it, beyond the first n."""
-    _, cross = _cross_spectra(record.select(names), record.duration / (len(record) - 1), WINDOWS)
+    _, cross = _cross_spectra(record.select(names), record.sample_time, WINDOWS)
     left = _left(cross, n)
     power = np.real(np.diagonal(left, axis1=1, axis2=2))[:, 1:]
     share = np.sum(between(left)[0, 1:].T * power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
@@ -301,7 +301,7 @@ def loops(
         if one is None or stick not in record:
             continue
         columns = record.select((stick, actuator, one.output))
-        omega, cross = _cross_spectra(columns, record.duration / (len(record) - 1), WINDOWS)
+        omega, cross = _cross_spectra(columns, record.sample_time, WINDOWS)
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
         cross = cross[(omega >= one.low) & (omega <= min(one.high, resolved))]
         explained, partial = between(cross)[0, 1], between(_left(cross, 1))[0, 1]
