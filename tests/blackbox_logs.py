@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tabled import rows, section
+
 ZERO, PREVIOUS, LINE, MEAN, MINTHROTTLE, MOTOR_0, INCREMENT, HOME, US_1500, VBATREF, LAST_TIME = (
     range(11)
 )
@@ -46,28 +48,7 @@ _BATTERY = (
 )
 _GOVERNOR = ("govP", "govI", "govD", "govF")
 ROTORFLIGHT: dict[str, Field] = {
-    "loopIteration": Field(*_UNSIGNED, INCREMENT, NULL),
-    "time": Field(*_UNSIGNED, LINE, SIGNED_VB),
-    **_like(_each(4, "rcCommand"), *_SIGNED, PREVIOUS, TAG8_4S16),
-    "rcCommand[4]": Field(*_UNSIGNED, PREVIOUS, SIGNED_VB),
-    **_like(_each(4, "setpoint", "mixer"), *_SIGNED, PREVIOUS, TAG8_4S16),
-    **_like(
-        _each(3, "axisP", "axisI", "axisD", "axisF", "axisB", "axisO", "attitude"),
-        *(*_SIGNED, PREVIOUS, TAG2_3S32),
-    ),
-    **_like(_each(3, "gyroRAW", "gyroADC", "accADC"), *_SIGNED, MEAN, SIGNED_VB),
-    **_like((*_each(3, "magADC"), "altitude", "vario"), *_SIGNED, PREVIOUS, TAG8_8SVB),
-    "rssi": Field(*_UNSIGNED, PREVIOUS, TAG8_8SVB),
-    "Vbat": Field(0, VBATREF, NEG_14BIT, PREVIOUS, SIGNED_VB),
-    **_like(_BATTERY, *_UNSIGNED, PREVIOUS, SIGNED_VB),
-    **_like(("Tmcu", "Tesc", "Tbec", "Tesc2"), *_SIGNED, PREVIOUS, TAG8_8SVB),
-    **_like(_GOVERNOR, *_SIGNED, PREVIOUS, TAG8_4S16),
-    "govSum": Field(*_SIGNED, PREVIOUS, SIGNED_VB),
-    **_like(("govTarget", "govRequest"), *_UNSIGNED, PREVIOUS, SIGNED_VB),
-    **_like(("headspeed", "tailspeed"), *_UNSIGNED, MEAN, SIGNED_VB),
-    **_like(_each(4, "motor"), *_SIGNED, MEAN, SIGNED_VB),
-    **_like(_each(8, "servo"), 0, US_1500, SIGNED_VB, MEAN, SIGNED_VB),
-    **_like(_each(8, "debug"), *_SIGNED, PREVIOUS, SIGNED_VB),
+    one: field for each in rows(globals(), "ROTORFLIGHT") for one, field in each.items()
 }
 """Main fields of Rotorflight 4.6.0, in their order."""
 SLOW: dict[str, Field] = {
@@ -81,7 +62,7 @@ GPS: dict[str, Field] = {
     **_like(_each(2, "GPS_coord"), 1, HOME, SIGNED_VB),
     **_like(("GPS_altitude", "GPS_speed", "GPS_ground_course"), *_UNSIGNED),
 }
-_LINES = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").splitlines()
+_LINES = section(globals(), "HEADER").splitlines()
 HEADER: dict[str, str] = dict(line.split(":", 1) for line in _LINES)
 """Parameters of a log of Rotorflight 4.6.0: 1 kHz PID loop, logged at 125 Hz."""
 DUMP = Path(__file__).with_name("blackbox_dump.txt").read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ import plants
 from closed_loop import coloured, sweep
 
 from helisim.ident import structures
+from tabled import rows
 
 HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
 
@@ -51,13 +52,5 @@ def csv_writer(folder):
     return write
 
 
-BAD = {
-    "empty": lambda rows: [[t, u, ""] for t, u, _ in rows],
-    "untimed": lambda rows: [["" if k == 7 else t, *rest] for k, (t, *rest) in enumerate(rows)],
-    "holes": lambda rows: [[t, u, "" if k % 10 == 4 else w] for k, (t, u, w) in enumerate(rows)],
-    "still": lambda rows: [[t, "0.25", w] for t, _, w in rows],
-    "again": lambda rows: rows[:1000] + rows[:2000],
-    "twice": lambda rows: [*rows[:50], rows[49], *rows[50:]],
-    "gaps": lambda rows: [row for k, row in enumerate(rows) if k % 500 not in range(400, 450)],
-}
+BAD = dict(rows(globals(), "BAD"))
 """What may be wrong with the rows of a sweep as `csv_writer` writes it."""

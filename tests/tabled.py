@@ -1,4 +1,4 @@
-"""Tables of tests as text beside them: the rows of test_a.py's tests are in test_a.txt.
+"""Tables and programs of tests as text beside them: those of test_a.py are in test_a.txt.
 
 A section [test_name] has that test's rows, each as Python writes it, with the names of the test's
 file, of helisim's errors, and np, math and hs; lines that begin with # are remarks.
@@ -19,14 +19,23 @@ NAMES = {**vars(errors), "math": math, "np": np, "hs": helisim}
 """What rows know besides the names of their test's file."""
 
 
+def section(names: dict[str, Any], name: str) -> str:
+    """Return the text of a section beside the file with these global names."""
+    text = Path(names["__file__"]).with_suffix(".txt").read_text(encoding="utf-8")
+    return text.partition(f"[{name}]\n")[2].partition("\n[")[0]
+
+
+def rows(names: dict[str, Any], name: str) -> list[Any]:
+    """Return the rows of a section beside the file with these global names."""
+    lines = section(names, name).splitlines()
+    return [eval(row, names, NAMES) for row in lines if row and row[0] != "#"]
+
+
 def tabled(*arguments: str) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator that gives a test the rows of its section."""
 
     def given(test: Callable[..., Any]) -> Any:
-        names = test.__globals__
-        text = Path(names["__file__"]).with_suffix(".txt").read_text(encoding="utf-8")
-        rows = text.partition(f"[{test.__name__}]\n")[2].partition("\n[")[0].splitlines()
-        each = [eval(row, names, NAMES) for row in rows if row and row[0] != "#"]
+        each = rows(test.__globals__, test.__name__)
         return pytest.mark.parametrize(",".join(arguments), each)(test)
 
     return given

@@ -20,6 +20,7 @@ from helisim.vehicle.addresses import addresses
 from helisim.vehicle.parameters import model_folder
 from helisim.vehicle.trim import place
 from own_laws import attitude_controllers
+from tabled import section
 
 HOP = hs.Doublet(axis="lat", duration=8.0)
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")
@@ -105,23 +106,7 @@ def test_a_cell_that_is_run_again(jr700, expected):
     assert callbacks() == [None] * len(HOOKS)
 
 
-LEFT = """
-import sys, threading
-import mujoco
-import helisim as hs
-
-vehicle = hs.load()
-block = hs.installed()
-block.__enter__()
-
-if sys.argv[1] == "thread":
-    work = (vehicle.model, vehicle.hovering(), 20_000)
-    threading.Thread(target=mujoco.mj_step, args=work).start()
-mujoco.mj_step(vehicle.model, vehicle.hovering())
-print("leaves", flush=True)
-if sys.argv[1] == "error":
-    raise RuntimeError("in the open block")
-"""
+LEFT = section(globals(), "LEFT")
 
 
 @pytest.mark.slow

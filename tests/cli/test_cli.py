@@ -19,7 +19,7 @@ from helisim.records.storage import write_record
 from helisim.study import models
 from helisim.study.models import Tolerance
 from ident_data import found
-from tabled import tabled
+from tabled import section, tabled
 
 
 def test_a_flight_is_recorded_as_it_was_asked_for(tmp_path, capsys):
@@ -170,23 +170,7 @@ def test_speeds_are_read_as_they_are_meant(text, speeds):
     assert speeds_of(text) == pytest.approx(speeds, abs=1e-12)
 
 
-LAWS = """
-import helisim as hs
-
-def yaw(seen, state):
-    error = 2.68 * seen.PED - 0.2941 * seen.r
-    state[0] += 0.002 * error
-    return 0.5 * error + 10.0 * state[0]
-
-tail = hs.Controller(tail=yaw, states=1)
-
-def breaks(seen):
-    if seen.time > 1.0:
-        raise ValueError("no fuel")
-    return seen.front, seen.left, seen.right, seen.tail
-
-number = 3
-"""
+LAWS = "\n" + section(globals(), "LAWS")
 FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "ped.parquet"]
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from helisim.cli import main
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
+from tabled import rows
 
 ANY = st.one_of(
     st.text(max_size=8),
@@ -28,29 +29,9 @@ ANY = st.one_of(
 )
 READING = ("--channel", "--time", "--resample", "--repair", "--max-gap")
 READING += ("--min-duration", "--from", "--to", "--map", "--reference", "--conditioning")
-OPTIONS = {
-    "frf": (*READING, "--inputs", "--outputs", "--band"),
-    "identify": (
-        *(*READING, "--structure", "--fix", "--start", "--responses"),
-        *("--band", "--bounds", "--searches"),
-    ),
-    "margins": (
-        *(*READING[:-2], "--axis", "--at", "--injected", "--total", "--returned"),
-        *("--band", "--late"),
-    ),
-    "vehicle linearize": ("--inputs", "--set"),
-    "fly": ("--amplitude", "--set", "--fault", "--integrator", "--turbulence", "--wind", "--axis"),
-    "structures": ("",),
-}
+OPTIONS = dict(rows(globals(), "OPTIONS"))
 LOGS = ("frf", "identify", "margins")
-SOUND = {
-    "frf": ["--inputs", "lat", "--outputs", "p", "--band", "2", "20"],
-    "identify": ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--quiet"],
-    "margins": ["--axis", "lat", "--injected=lat", "--returned=p", "--quiet", "--band", "4", "20"],
-    "vehicle linearize": [],
-    "fly": ["--axis", "lat", "--duration", "13", "--quiet", "--out"],
-    "structures": [],
-}
+SOUND = dict(rows(globals(), "SOUND"))
 
 
 @pytest.fixture(scope="module")

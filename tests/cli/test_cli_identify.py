@@ -16,6 +16,7 @@ from helisim.logs.examples import copy_examples
 from helisim.records.storage import write_record
 from sid_logs import SidLog
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
+from tabled import section
 
 SLOW = {"control", "matplotlib", "mujoco", "numba", "pandas", "rerun", "scipy.signal"}
 """Modules whose import takes a tenth of a second or more."""
@@ -230,16 +231,7 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
     assert "choose one by --structure" in fails(capsys, "identify", path, "--fix", "N_r=-3")
 
 
-CODE = """
-import contextlib, io, sys
-from pathlib import Path
-from helisim.cli import main
-with contextlib.redirect_stdout(io.StringIO()) as said:
-    status = main(["identify", sys.argv[1], "--quiet"])
-state = Path("/proc/self/status").read_text().splitlines()
-peak = next(one.split()[1] for one in state if one.startswith("VmHWM"))  # of this process alone
-print(status, peak, "rollpitch" in said.getvalue())
-"""
+CODE = section(globals(), "CODE")
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from helisim.cli.flying import _commands
 from helisim.records.storage import read_record
 from helisim.sim import Chirp, Deck, FlightPlan, Swing
 from helisim.sitl import Link
-from tabled import tabled
+from tabled import section, tabled
 
 
 @pytest.fixture
@@ -46,20 +46,7 @@ def test_settings_are_numbers_lists_and_texts_and_plans_nest_parts(planned, tmp_
     assert read_record("flown.parquet").duration == pytest.approx(11.5, abs=0.01)
 
 
-MINE = """\
-from dataclasses import dataclass
-
-import helisim as hs
-
-
-@dataclass(frozen=True, kw_only=True)
-class Nod(hs.Mission):
-    duration: float = 5.0
-    north: float = 1.0
-
-    def fly(self, pilot):
-        yield from pilot.go(self.north, 0.0)
-"""
+MINE = section(globals(), "MINE")
 
 
 def test_a_mission_of_ones_own_is_flown(tmp_path, monkeypatch, capsys):

@@ -12,6 +12,7 @@ import pytest
 
 import helisim
 from helisim import cli
+from tabled import section
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -24,20 +25,7 @@ SLOW, STUDY = pytest.mark.slow, pytest.mark.study
 RUN = ("python", "sh")
 PLAIN = re.compile(r"(helisim|python \w)[^|>;&$]*")
 """A command of the shell that a process can do beside others."""
-IN_ONE = """
-import glob, os, runpy, shlex, sys
-
-for line in open("commands.txt"):
-    each = [sorted(glob.glob(word)) or [word] for word in shlex.split(line)]
-    program, *words = sum(each, [])
-    if program == "helisim":
-        from helisim.cli import main  # no sooner than the page does
-
-        assert main(words) == 0, line
-    else:
-        sys.argv, sys.path[0] = words, os.path.dirname(os.path.abspath(words[0]))
-        runpy.run_path(words[0], run_name="__main__")
-"""
+IN_ONE = section(globals(), "IN_ONE")
 HERE = Path(sys.executable).parent
 
 

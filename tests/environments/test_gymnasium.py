@@ -23,7 +23,7 @@ from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.controller import set_controller
 from helisim.vehicle.trim import place
 from off_screen import draws
-from tabled import tabled
+from tabled import section, tabled
 
 WINDY = helisim.gym.WeatherRange(wind=4.0, turbulence=6.0, gust=3.0)
 ROUGH = {"spread": helisim.gym.USUAL, "weather": WINDY}
@@ -33,27 +33,7 @@ def vector(task="Hover", count=5, mode="vector_entry_point", **settings):
     return gymnasium.make_vec(f"helisim/{task}-v0", count, vectorization_mode=mode, **settings)
 
 
-DRAWN = """
-import warnings
-import gymnasium, helisim.gym, numpy
-from gymnasium.utils.env_checker import check_env
-made = dict(render_mode="rgb_array", width=160, height=120)
-rough = dict(spread=helisim.gym.USUAL, action="servos")
-env = gymnasium.make("helisim/Track-v0", **made, **rough).unwrapped
-with warnings.catch_warnings():
-    warnings.simplefilter("error")
-    check_env(env)
-env.close()
-many = gymnasium.make_vec("helisim/Hover-v0", 2, vectorization_mode="vector_entry_point", **made)
-many.reset(seed=0)
-first = many.render()[0]
-assert first.shape == (120, 160, 3)
-assert first.std() > 10.0
-for _ in range(3):
-    many.step(numpy.zeros((2, 4)))
-assert not numpy.array_equal(many.render()[0], first)
-many.close()
-"""
+DRAWN = section(globals(), "DRAWN")
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import math
 import random
 import tomllib
 import traceback
-from functools import partial
+from functools import partial  # noqa: F401  (rows name them)
 
 import numpy as np
 import pyarrow as pa
@@ -20,15 +20,16 @@ from autopilot_logs import Log, ulog
 from blackbox_logs import encode
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.settings import to_plain, toml_text
-from helisim.logs import REPAIRS, Column, DataFlash, Map
+from helisim.logs import REPAIRS, Column, DataFlash, Map  # noqa: F401  (rows name them)
 from helisim.look.systemid import infer
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
-from helisim.study.campaign import read_campaign
-from helisim.study.results import read_models, read_run
-from helisim.vehicle.parameters import model_folder, read_parameters
+from helisim.study.campaign import read_campaign  # noqa: F401  (rows name them)
+from helisim.study.results import read_models, read_run  # noqa: F401  (rows name them)
+from helisim.vehicle.parameters import model_folder, read_parameters  # noqa: F401  (rows name them)
 from made_run import make_model, write_run
 from sid_logs import SidLog
+from tabled import rows
 
 NASTY = (
     *(math.nan, math.inf, -math.inf, -1, 0, 1e-300, 1e300, 2**63, 10**30, 10**400, 0.5),
@@ -60,28 +61,7 @@ def read_all_messages(path):
     return [*log.parameters().values(), read_a_log(path, "IMU.GyrX")]
 
 
-READERS = {
-    "record": ("record.parquet", hs.read_record),
-    "csv": ("record.csv", hs.read_record),
-    "fit": ("fit.json", hs.load_fit),
-    "fits": ("fits.json", read_models),
-    "run": ("results.json", lambda path: read_run(path.parent).results.to_dict()),
-    "plan": ("plan.toml", hs.read_plan),
-    "campaign": ("campaign.toml", read_campaign),
-    "structure": ("structure.toml", hs.Structure.from_toml),
-    "specs": ("specs.toml", hs.read_specs),
-    "law": ("law.toml", hs.read_law),
-    "vehicle": ("parameters.toml", lambda path: dict(read_parameters(path))),
-    "map": ("map.toml", lambda p: read_a_log(p.with_name("other.csv"), map_=Map.from_toml(p))),
-    "table": ("other.csv", read_a_log),
-    "columns": ("other.parquet", read_a_log),
-    "dataflash": ("log.bin", read_all_messages),
-    "sweeps": ("sweeps.bin", read_sweeps),
-    "blackbox": ("log.bbl", partial(read_a_log, column="gyroADC[0]")),
-    "ulog": ("log.ulg", partial(read_a_log, column="gyro.xyz")),
-    "look": ("other.csv", lambda path: str(hs.look(path))),
-    "look at ulog": ("log.ulg", lambda path: str(hs.look(path))),
-}
+READERS = dict(rows(globals(), "READERS"))
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 
 from helisim.records.storage import read_record
 from off_screen import on_display
+from tabled import section
 
 NEEDED = ("Xvfb", "xvfb-run", "xdotool")
 pytestmark = [
@@ -18,31 +19,7 @@ pytestmark = [
 ]
 
 # The script is driven by the flight's own time, so a slow renderer gives the same flight.
-FLOWN = """
-import subprocess, sys
-import numpy as np
-import helisim as hs
-from pathlib import Path
-from helisim.hand import HandFlight, Sticks
-from helisim.hand.window import Cockpit, GlfwWindow, fly_in
-
-KEYS = [(0.0, "keydown Up"), (0.0, "key r"), (1.5, "keyup Up"), (4.0, "key r"), (5.0, "key Escape")]
-subprocess.run(["xdotool", "mousemove", "100", "100"], check=True)
-flight = HandFlight(hs.load("jr700"))
-pictures = []
-
-class Scripted(GlfwWindow):
-    def show(self, *words):
-        super().show(*words)
-        pictures.append(self.picture())
-        while KEYS and KEYS[0][0] <= flight.time:
-            subprocess.run(["xdotool", *KEYS.pop(0)[1].split()], check=True)
-
-cockpit = Cockpit(flight, Sticks(), Path("hand.parquet"))
-with Scripted(flight, size=(480, 360)) as window:
-    fly_in(window, cockpit, duration=120.0)
-np.save("pictures.npy", np.array([pictures[0], pictures[len(pictures) // 2]]))
-"""
+FLOWN = section(globals(), "FLOWN")
 
 
 def test_keys_of_a_real_window_fly_and_no_joystick_is_said(tmp_path):

@@ -21,21 +21,9 @@ from helisim.handling.spec import (
     standard,
     write_specs,
 )
-from tabled import tabled
+from tabled import rows, tabled
 
-ALL = [
-    criteria.StabilityMargins(axis="lat"),
-    criteria.Crossover(axis="lat", frequency=Limit(6.0, 3.0)),
-    criteria.DisturbanceRejection(axis="lat"),
-    criteria.AttitudeBandwidth(axis="lat"),
-    criteria.AttitudeBandwidth(axis="lat", command="rate", task="target_acquisition"),
-    criteria.AttitudeQuickness(axis="lat"),
-    criteria.Damping(),
-    criteria.PoleLimits(),
-    criteria.ActuatorUse(axis="lat", rate_limit=4.0),
-    criteria.Coupling(axis="lat"),
-    criteria.LoadRejection(axis="lat", high=2.0, turned=Limit(6.0, 12.0)),
-]
+ALL = rows(globals(), "ALL")
 NAMES = [f"{one.name} {k}" for k, one in enumerate(ALL)]
 EVERY = (
     *map(Spec, ALL),

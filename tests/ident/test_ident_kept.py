@@ -8,16 +8,9 @@ from helisim.ident import identify_records, structures
 from helisim.ident.ardupilot import ArduPilotModel
 from helisim.ident.evaluate import linear
 from ident_data import ROLLPITCH, YAW, fitted
+from tabled import rows
 
-CASES = {
-    "yaw": (["ped"], structures.yaw_base, {"conditioning": ("v",)}, (2.0, 20.0)),
-    "rollpitch": (["lat", "lon"], structures.rollpitch_speeds, {}, (2.0, 31.0)),
-    "joint": (["ped"], structures.yaw_base, {"reference": ("PED",)}, (2.0, 20.0)),
-    "windows": (["lat"], structures.transfer_function(zeros=0, poles=2, input="lat", output="p"),
-                {"estimator": "windows"}, (3.0, 25.0)),
-    "wrong": (["lat"], structures.transfer_function(zeros=0, poles=1, input="lat", output="p"),
-              {}, (0.8, 31.0)),
-}  # fmt: skip
+CASES = dict(rows(globals(), "CASES"))
 
 
 def flights(axes, kind="sweep"):

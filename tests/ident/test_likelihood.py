@@ -7,8 +7,8 @@ from scipy.signal import cont2discrete, lfilter
 from helisim.base.errors import HelisimError
 from helisim.ident import Structure, frequency_response, identify_records, structures
 from helisim.ident.evaluate import delayed, linear, simulate
-from ident_data import ROLLPITCH, YAW, record
-from tabled import tabled
+from ident_data import ROLLPITCH, YAW, record  # noqa: F401  (rows name them)
+from tabled import rows, tabled
 
 SHORT_PERIOD = Structure.from_dict(
     {
@@ -59,28 +59,7 @@ def flown(structure, values, moves, noise, seed, step=0.02):
     return found
 
 
-CASES = {
-    "short period": (
-        (SHORT_PERIOD, AIRCRAFT),
-        (("lon", THREETWOONEONE, 0.5, 8.0, 0.05), ("lon", DOUBLET, 0.6, 7.0, 0.05)),
-        (np.array([0.1, 0.005]), 0.02, None, range(100, 110)),
-    ),
-    "yaw": (
-        (structures.yaw_base, YAW),
-        (("ped", DOUBLET, 0.8, 8.0, 0.02), ("ped", THREETWOONEONE, 0.4, 10.0, 0.02)),
-        (np.array([0.02]), 0.02, None, range(100, 106)),
-    ),
-    "roll and pitch": (
-        (structures.rollpitch, ROLLPITCH),
-        (
-            ("lat", THREETWOONEONE, 0.12, 8.0, 0.05),
-            ("lon", THREETWOONEONE, 0.12, 8.0, 0.05),
-            ("lat", DOUBLET, 0.15, 7.0, 0.05),
-            ("lon", DOUBLET, 0.2, 7.0, 0.05),
-        ),
-        (np.array([0.02, 0.02]), 0.01, (0.5, 60.0), range(100, 102)),
-    ),
-}
+CASES = dict(rows(globals(), "CASES"))
 
 
 @pytest.mark.slow

@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
-from test_blackbox import RAPID, moving
-from test_logs_several import MAP, P, faulty, jittery, spiked
-from test_readers import FORMATS, ulog
+from test_blackbox import RAPID, moving  # noqa: F401  (rows name them)
+from test_logs_several import MAP, P, faulty, jittery, spiked  # noqa: F401  (rows name them)
+from test_readers import FORMATS, ulog  # noqa: F401  (rows name them)
 
-import autopilot_logs
-from blackbox_logs import encode
+import autopilot_logs  # noqa: F401  (rows name them)
+from blackbox_logs import encode  # noqa: F401  (rows name them)
 from helisim.base.errors import LogError
-from helisim.logs import Clock, Column, Map, read_log, read_logs, screen
-from helisim.logs.blackbox import Blackbox
+from helisim.logs import Clock, Column, Map, read_log, read_logs, screen  # noqa: F401  (rows name them)
+from helisim.logs.blackbox import Blackbox  # noqa: F401  (rows name them)
+from tabled import rows
 
 SECONDS = Clock("t", "s")
 CLOCKS = Map({"p": Column("gyro.xyz[0]", "rad/s"), "LAT": Column("stick.roll", "1")})
@@ -37,30 +38,7 @@ READ = {
         )
         for one, (make, p, *_) in FORMATS.items()
     },
-    "part": lambda to: read_log(
-        saved(to, ulog()), channels=CLOCKS, start=0.5, stop=1.5, resample_hz=100.0
-    ),
-    "blackbox": lambda to: read_log(saved(to, encode(moving(), RAPID), "a.bbl")),
-    "turned": lambda to: read_log(
-        path := saved(to, encode(moving(), RAPID), "a.bbl"),
-        channels={**Blackbox(path).channels, "q": Column("gyroADC[1]", "deg/s")},
-    ),
-    "jitter": lambda to: read_log(jittery(to, 0.2), channels=P, time=SECONDS),
-    "irregular": lambda to: read_log(jittery(to, 1.0), channels=P, time=SECONDS, resample_hz=90.0),
-    "gaps": lambda to: read_log(gaps(to), channels=P, time=SECONDS, repair="gaps", max_gap=0.1),
-    "one": lambda to: read_logs(faulty(to), channels=UNITS, resample_hz=50.0, repair=REPAIRS)[0],
-    "two": lambda to: read_logs(faulty(to), channels=UNITS, resample_hz=50.0, repair=REPAIRS)[1],
-    "spikes": lambda _: screen(spiked(), repair="spikes"),
-    "pulses": lambda to: read_log(
-        autopilot_logs.table(
-            to / "a.csv", T, 1500.0 + 400.0 * np.sin(T), 57.3 * np.cos(T), header="t [s],C1,yaw"
-        ),
-        channels={
-            "lat": Column("C1", "us", trim=1500.0, range=800.0),
-            "psi": Column("yaw", "deg", sign=-1),
-        },
-        resample_hz=20.0,
-    ),
+    **dict(rows(globals(), "READ")),
 }
 T = np.arange(2000) / 100.0
 

@@ -162,12 +162,6 @@ def test_names_are_understood(heading, channel, unit, sign):
     assert (meant.channel, meant.unit, meant.sign) == (channel, unit, sign)
 
 
-def test_what_means_nothing_is_left_alone():
-    assert (named("ail_2.p", "MATLAB").channel, named("ail_2.x", "MATLAB")) == ("p", None)
-    for heading in ("roll_setpoint", "battery", "time_ms", "des_pitch", "gps"):
-        assert named(heading, "CSV") is None
-
-
 def guessed(columns, log_format="CSV", given=(), units=()):
     topics, (rates, values) = {name: name for name in columns}, zip(*columns.values())
     stamps = {k: 1e6 * np.arange(np.size(v)) / r for k, r, v in zip(columns, rates, values)}
@@ -210,16 +204,6 @@ def test_of_columns_of_a_channel_the_better_or_the_faster_is_taken(columns, take
     found = guessed({name: (rate, SWING) for name, rate in columns.items()}, "DataFlash")
     assert found["p"].column.column == taken
     assert found["p"].rate == pytest.approx(columns[taken])
-
-
-def test_clocks_and_channels_are_told_in_a_line():
-    even = SeenClock("time", 100.0, 500, 4.99, 0.0, "uniform", 0)
-    assert str(even) == "clock time: 100 Hz, 500 samples, 4.99 s, uniform"
-    uneven = SeenClock("t", 100.0, 500, 4.99, 0.0013, "irregular", 2)
-    assert str(uneven).endswith("4.99 s, jitter 1.3 ms rms, irregular, 2 gap(s)")
-    found = guessed({"climb_m_s": (50.0, 3.0 * SWING), "q": (50.0, 0.0 * SWING + 0.2)})
-    assert str(found["w"]).startswith("w = -'climb_m_s' [m/s], 50 Hz, -3 to 3: named")
-    assert ", 0.2 to 0.2, constant: its name" in str(found["q"])
 
 
 def held(rate=50.0, count=5000, **columns):

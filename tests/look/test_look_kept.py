@@ -2,18 +2,19 @@
 
 import numpy as np
 import pytest
-from test_look import anyones, ardupilot, flown, named
+from test_look import anyones, ardupilot, flown, named  # noqa: F401  (rows name them)
 from test_sticks import told
 from test_vibration import IN_FLIGHT, MAIN, a_log, shaken
 
 from flown_copter import Flown
 from helisim.base.settings import to_plain
-from helisim.logs.examples import examples
+from helisim.logs.examples import examples  # noqa: F401  (rows name them)
 from helisim.look import look
 from helisim.look.loops import flown_loops
 from helisim.look.systemid import infer
 from helisim.look.vibration import vibration
 from sid_logs import SidLog
+from tabled import rows
 
 
 def doublet(path):
@@ -36,18 +37,7 @@ def rested(path):
     return path
 
 
-LOGS = {
-    "rested": lambda to: rested(to / "a.csv"),
-    "ardupilot": lambda to: ardupilot(to / "a.bin"),
-    "gap": lambda to: anyones(to / "a.csv", gap=True),
-    "backwards": lambda to: named(to / "a.csv", "ail_cmd", "roll_rate", scale=-1.0),
-    "rudder": lambda to: named(to / "a.csv", "rudder_cmd", "yaw_rate"),
-    "two": lambda to: [flown(to / "a.csv", lat=0.02), flown(to / "b.csv")],
-    "still": lambda to: flown(to / "a.csv", lat=0.0, of=10.0),
-    "doublet": lambda to: doublet(to / "a.csv"),
-    "sweep": lambda to: [examples()["sweep_lat"].path],
-    "sid": lambda to: SidLog().sweep(10, length=12.0).save(to),
-}
+LOGS = dict(rows(globals(), "LOGS"))
 
 
 @pytest.mark.parametrize("name", LOGS)

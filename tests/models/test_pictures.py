@@ -6,28 +6,10 @@ import numpy as np
 import pytest
 
 from off_screen import draws
+from tabled import section
 
 MODELS = Path(__file__).parents[2] / "models"
-RENDER = """
-import sys
-import mujoco
-import numpy as np
-scene, out = sys.argv[1:]
-model = mujoco.MjModel.from_xml_path(scene)
-data = mujoco.MjData(model)
-mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
-mujoco.mj_forward(model, data)
-renderer, shots = mujoco.Renderer(model, 240, 320), {}
-for camera in ("chase", "top"):
-    renderer.update_scene(data, camera)
-    shots[camera] = renderer.render().copy()
-hidden = model.geom_bodyid > 0  # all but the ground
-model.geom_rgba[hidden, 3], model.geom_matid[hidden] = 0.0, -1
-for camera in ("chase", "top"):
-    renderer.update_scene(data, camera)
-    shots[camera + "_empty"] = renderer.render().copy()
-np.savez(out, **shots)
-"""
+RENDER = section(globals(), "RENDER")
 
 
 @pytest.mark.slow

@@ -22,18 +22,9 @@ from helisim.sim.flight import simulate
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.trim import place
-from tabled import tabled
+from tabled import rows, tabled
 
-MAXON = {
-    "drive_engine": drive.ELECTRIC,
-    "drive_gear": 1.0,
-    "drive_voltage": 48.0,
-    "drive_resistance": 1.13,
-    "drive_speed_constant": 158.0 * RAD_S_PER_RPM,
-    "drive_no_load_current": 0.0686,
-    "drive_current_limit": 100.0,
-    "main_speed": 1.0,
-}
+MAXON = dict(rows(globals(), "MAXON"))
 """maxon RE 40, 48 V, 150 W, data sheet 148877: voltage, resistance, rpm/V and A without load."""
 
 MAINS = Supply(48.0, 0.0)

@@ -17,10 +17,11 @@ from numba import njit
 from scipy.integrate import quad
 
 from helisim.physics import air, gyro, pilot
-from helisim.physics.layout import DOUBLET, HISTORY, PARAM, ROTOR_STATES, STATE, SWEEP
+from helisim.physics.layout import DOUBLET, HISTORY, PARAM, ROTOR_STATES, STATE, SWEEP  # noqa: F401  (rows name them)
 from helisim.physics.native import installed
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.trim import Motion, rotation_matrix, write_motion
+from tabled import rows
 
 STEP = 0.002
 ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.warming + 1])
@@ -53,23 +54,7 @@ FAULTY = {
     **named("right_fault", at=0.04, rate_limit=100.0, low=0.01, high=0.02),
     **named("tail_fault", at=0.05, rate_limit=1.5, low=-0.1, high=0.1),
 }
-CASES = {
-    "calm": {},
-    "slow gyro": {"gyro_period": 0.005},
-    "wind": WINDY,
-    "wind, slow gyro": {**WINDY, "gyro_period": 0.005},
-    "sweep": {**PILOTED, "excitation": SWEEP},
-    "pilot at two stops": {**PILOTED, "pilot_lat": 0.9, "pilot_lon": -0.9, "pilot_ped": 1.5},
-    "pilot at the others": {**PILOTED, "pilot_lat": -0.9, "pilot_lon": 0.9, "pilot_col": 0.9},
-    "hands off the rotor": {**PILOTED, "pilot_on": 2.0},
-    "doublet in wind": {**PILOTED, **WINDY, "excitation": DOUBLET},
-    "injected": {**PILOTED, "excitation": HISTORY, "gyro_period": 0.005},
-    "faults": FAULTY,
-    "faults, slow gyro": {**FAULTY, "gyro_period": 0.005},
-    "no gyro": {"gyro_on": 0.0},
-    "rate mode": {"gyro_heading_lock": 0.0, "gyro_attitude_lock": 0.5},
-    "saturated": {"gyro_hold_above": 0.02, "servo_travel": 0.1, "servo_rate_limit": 0.3},
-}
+CASES = dict(rows(globals(), "CASES"))
 ODD = {"hub_x": 0.03, "tail_z": -0.05, "gyro_collective": 0.7, "spring_ab": 0.3}
 """Not the JR700's, whose are 0 or 1."""
 

@@ -15,24 +15,10 @@ from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import assemble
 from helisim.vehicle.trim import Motion, place, rotation_matrix, write_motion
 from mirror import mirrored, mirrored_parts
+from tabled import rows
 
 FRD = np.array([1.0, -1.0, -1.0])
-RICH = {
-    "air.ground_effect": 1.0,
-    "airframe.download": 1.3,
-    "airframe.drag_centre_x": -0.1,
-    "airframe.drag_centre_z": 0.05,
-    "airframe.pitch_volume": 0.008,
-    "airframe.yaw_volume": 0.006,
-    "fin.incidence": 0.05,
-    "main_rotor.hub_x": 0.03,
-    "main_rotor.shaft_tilt": 0.06,
-    "main_rotor.twist": -0.1,
-    "tail_rotor.blockage": 0.1,
-    "tailplane.area": 0.008,
-    "tailplane.incidence": -0.04,
-    "tailplane.x": -0.7,
-}
+RICH = dict(rows(globals(), "RICH"))
 """What the JR700 lacks, and a real one may have."""
 MOVING = {"drive.governor": 1.0, "main_rotor.inflow": 1.0}
 WIND = (3.0, -2.0, 0.5)

@@ -18,6 +18,7 @@ from helisim.sitl.link import Frame
 from helisim.vehicle import load
 from helisim.vehicle.addresses import addresses
 from off_screen import Clock, on_display
+from tabled import section
 
 
 class Window:
@@ -186,25 +187,7 @@ def test_pictures_come_sixty_times_a_second_until_the_window_is_closed(watched):
 
 
 HERE = str(Path(__file__).parents[1])
-SEEN = """
-import os, sys, threading
-from PIL import ImageGrab
-from helisim.cli import main
-from played_autopilot import PlayedAutopilot
-
-def fly():
-    autopilot = PlayedAutopilot(int(sys.argv[1]), resend=0.2)
-    drawn = False
-    while not drawn and autopilot.count < 100_000:  # a renderer without a graphics card is slow
-        for _ in range(400):
-            autopilot.frame((1500,) * 7 + (1700,), patience=100.0)
-        picture = ImageGrab.grab(xdisplay=os.environ["DISPLAY"])
-        drawn = len(picture.convert("RGB").getcolors(10**6)) > 1000
-    picture.save("seen.png")
-
-threading.Thread(target=fly).start()
-sys.exit(main(["sitl", "--view", "--port", sys.argv[1], "--wait", "5"]))
-"""
+SEEN = section(globals(), "SEEN")
 
 
 @pytest.mark.slow

@@ -16,7 +16,6 @@ from helisim.sim import Doublet, Excitation, FlightPlan, Pilot, Sweep, fly, simu
 from helisim.sim.excitation import EXCITATIONS, step_times
 from helisim.sim.flight import fly_each
 from helisim.sim.limits import FlightEnvelope
-from helisim.sim.manoeuvres import ThreeTwoOneOne
 from helisim.sim.plan import RecordGap, SampleLoss, ServoStuck
 from helisim.sim.recorder import read_trajectory
 from helisim.vehicle import load
@@ -324,12 +323,3 @@ def test_a_record_says_what_was_flown(jr700, tmp_path):
     assert other.provenance["sticks_digest"] != said["sticks_digest"]
     (compiled,) = fly(jr700, Doublet(**DOUBLET), seed=3, jobs=1)
     assert "sticks_digest" not in compiled.provenance
-
-
-def test_3211_has_its_four_steps():
-    excitation = ThreeTwoOneOne(axis="ped", amplitude=0.1, unit=0.5, trim_time=1.0)
-    middles = 1.25 + 0.5 * np.arange(-1, 8)
-    sticks = excitation.sticks(middles)
-    assert sticks[:, 3] == pytest.approx(0.1 * np.array([0, 1, 1, 1, -1, -1, 1, -1, 0]), abs=0.0)
-    assert not sticks[:, :3].any()
-    assert excitation.sticks(np.array([1.0, 2.5, 4.5]))[:, 3].tolist() == [0.1, -0.1, 0.0]

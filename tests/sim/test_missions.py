@@ -15,7 +15,7 @@ from helisim import Multisine, Pulse, Sequence, Step, Sweep, ThreeTwoOneOne, Tog
 from helisim.base.errors import DivergedError
 from helisim.base.settings import from_plain
 from helisim.physics.layout import PARAM, SWEEP
-from helisim.sim import Chirp, Doublet, History, simulate
+from helisim.sim import Chirp, Doublet, simulate
 from helisim.sim.excitation import step_times
 from helisim.sim.ground import outline
 from helisim.sim.missions import Autopilot, Mission
@@ -394,18 +394,6 @@ def test_a_sequence_is_its_parts_one_after_the_other():
         alone = part.added(step_times(part.duration, 0.002)[:-1])[place]
         assert added[place][inside] == pytest.approx(alone, abs=1e-9)
     assert not added["sticks"][1500:4850].any()
-
-
-def test_a_history_is_resampled_as_it_is_told():
-    time = np.array([0.0, 1.0, 2.0, 4.0, 5.0])
-    values = 1e-3 * (time**3 - 3.0 * time**2)
-    wanted = np.array([0.0, 0.5, 1.0, 3.0, 3.999999])
-    found = {
-        method: History.of(time, values, axis="lat", method=method).sticks(wanted)[:, 2]
-        for method in ("linear", "hold")
-    }
-    assert found["linear"][:4] == pytest.approx(1e-3 * np.array([0.0, -1.0, -2.0, 6.0]), abs=1e-15)
-    assert found["hold"].tolist() == values[[0, 0, 1, 2, 2]].tolist()
 
 
 def test_sweep_is_written_as_asked(par):

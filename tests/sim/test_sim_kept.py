@@ -1,12 +1,13 @@
 """Plans, sticks and short flights of every kind, whole, as reviewed: test_sim_kept.json."""
 
 import pytest
-from test_plan import FULL
+from test_plan import FULL  # noqa: F401  (rows name them)
 
 import helisim as hs
-from helisim.sim import FlightPlan, Gust, Multisine, Weather, fly
+from helisim.sim import FlightPlan, Gust, Multisine, Weather, fly  # noqa: F401  (rows name them)
 from helisim.sim.excitation import EXCITATIONS
-from helisim.sim.missions import Everyday
+from helisim.sim.missions import Everyday  # noqa: F401  (rows name them)
+from tabled import rows
 
 PARTS = hs.Doublet(axis="lat"), hs.Pulse(axis="ped")
 OWN = {
@@ -14,20 +15,7 @@ OWN = {
     **{kind: EXCITATIONS[kind](parts=PARTS) for kind in ("Sequence", "Together")},
 }
 SHORT = {"Sweep": {"duration": 12.0, "trim_time": 2.0}, "Chirp": {"amplitude": 0.02}}
-PLANS = {
-    "everything": FULL,
-    "wind": FlightPlan(
-        excitation=hs.Doublet(axis="lat", duration=8.0),
-        weather=Weather(wind=4.0, wind_from=0.7, turbulence="light", gust=Gust(north=-3.0)),
-    ),
-    "noise": FlightPlan(excitation=hs.Sweep(axis="ped", duration=8.0, trim_time=1.0)),
-    "sines": FlightPlan(
-        excitation=Multisine(
-            axis="lat+lon", at="actuators", amplitude=0.01, period=4.0, duration=12.0
-        )
-    ),
-    "everyday": FlightPlan(mission=Everyday(duration=20.0)),
-}
+PLANS = dict(rows(globals(), "PLANS"))
 
 
 FLIGHTS = PLANS | {

@@ -28,19 +28,10 @@ from helisim.sitl.systemid import sweeps
 from helisim.vehicle import load
 from helisim.vehicle.parameters import model_folder
 from script import loaded
-from tabled import tabled
+from tabled import section, tabled
 
 DOCS = Path(__file__).parents[2] / "docs"
-FAKE = """#!{python}
-import os, socket, struct, sys
-os.makedirs("logs", exist_ok=True)
-open("logs/00000001.BIN", "wb").write(b"log")
-ports = sys.argv[sys.argv.index("--sim-port-out") + 1], sys.argv[sys.argv.index("--serial0") + 1]
-frames, telemetry = int(ports[0]), int(ports[1].split(":")[2])
-sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-send = lambda data, port: sender.sendto(data, ("127.0.0.1", port))
-{rest}
-"""
+FAKE = section(globals(), "FAKE")
 GREETS = """
 open("given", "w").write(" ".join(sys.argv))
 send(struct.pack("<HHI16H", 18458, 1000, 0, *[1000] * 16), frames)
@@ -53,33 +44,8 @@ sender.recv(4096)
 print("it hurts")
 sys.exit(7)
 """
-FLIES = """
-written = open("logs/00000002.BIN", "wb", buffering=0)
-whole, told = {log!r}, open({told!r}, "w", buffering=1)
-send(b"here I am", telemetry)
-open({told!r} + ".parm", "w").write(open("start.parm").read())
-for count in range(10_000):
-    if count in (0, 300, 600):
-        third = len(whole) // 3 + 1
-        written.write(whole[third * (count // 300):][:third])
-    send(struct.pack("<HHI16H", 18458, 1000, count, *[1000] * 16), frames)
-    while (data := sender.recv(4096))[:1] == b"\\xfd":
-        if data[7] == 70:  # RC_CHANNELS_OVERRIDE of MAVLink 2
-            told.write(str(count) + " ")
-"""
-ENDS = """
-import types
-from pymavlink.dialects.v20 import ardupilotmega
-print("Loaded defaults\\nLoaded defaults", flush=True)
-channel = types.SimpleNamespace(write=lambda data: send(data, telemetry))
-ardupilotmega.MAVLink(channel, 1, 1).statustext_send(6, b"EKF variance")
-written = open("logs/00000002.BIN", "wb", buffering=0)
-for count in range(100_000):
-    if count == {dies}: sys.exit(7)
-    written.write(b"%d " % count)
-    send(struct.pack("<HHI16H", 18458, 1000, count, *[1000] * 16), frames)
-    while sender.recv(4096)[:1] == b"\\xfd": pass
-"""
+FLIES = section(globals(), "FLIES")
+ENDS = section(globals(), "ENDS")
 
 
 def fake(tmp_path, rest):

@@ -8,25 +8,14 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 import helisim as hs
-from helisim.sim import missions
+from helisim.sim import missions  # noqa: F401  (rows name them)
 from helisim.sim.flight import simulate
 from helisim.vehicle.addresses import root_body
 from helisim.vehicle.assembly import total_inertia
+from tabled import rows
 
 WIND, LIGHT = hs.Weather(wind=5.0, wind_from=1.0), hs.Weather(turbulence="light")
-FLIGHTS = {
-    "forward": {"mission": missions.Forward(speed=15.0)},
-    "take-off, hover, landing": {"mission": missions.TakeOffHoverLand()},
-    "autorotation, 30 m and 0 m/s": {"mission": missions.Autorotation(height=30.0, speed=0.0)},
-    "autorotation, 60 m and 10 m/s": {"mission": missions.Autorotation(height=60.0, speed=10.0)},
-    "roll sweep": {"excitation": hs.Sweep(axis="lat", duration=30.0)},
-    "heave sweep": {"excitation": hs.Sweep(axis="col", duration=30.0)},
-    "forward in a wind": {"mission": missions.Forward(speed=10.0), "weather": WIND},
-    "yaw sweep in turbulence": {
-        "excitation": hs.Sweep(axis="ped", duration=30.0),
-        "weather": LIGHT,
-    },
-}
+FLIGHTS = dict(rows(globals(), "FLIGHTS"))
 
 
 @dataclass(frozen=True, eq=False)
