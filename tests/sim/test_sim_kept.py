@@ -7,6 +7,7 @@ import helisim as hs
 from helisim.sim import FlightPlan, Gust, Multisine, Weather, fly  # noqa: F401  (rows name them)
 from helisim.sim.excitation import EXCITATIONS
 from helisim.sim.missions import Everyday  # noqa: F401  (rows name them)
+from helisim.sim.rigs import run_rigs
 from tabled import rows
 
 PARTS = hs.Doublet(axis="lat"), hs.Pulse(axis="ped")
@@ -32,4 +33,9 @@ def test_a_flight(name, jr700, kept):
     plan = FLIGHTS[name].on(jr700)
     (record,) = fly(jr700, plan, count=1, seed=3, jobs=1, keep_ended=True)
     values = record.values[:: len(record) // 4].T.tolist()
-    kept([plan.to_dict(), record.provenance.get("ended"), values, list(record.names)])
+    told = (record.provenance.get(one) for one in ("ended", "reached"))
+    kept([plan.to_dict(), values, list(record.names), *told])
+
+
+def test_ground_tests(jr700, kept):
+    kept([one.to_dict() for one in run_rigs(jr700, seed=2)])
