@@ -177,7 +177,12 @@ def test_multiples_tones_and_notches_are_those_by_hand(made, wanted):
     assert made() == wanted
 
 
-LINES = np.arange(600)
+LINES, FLOWN = np.arange(600), ArduCopterLaw.of(OWN)
+
+
+def white(rate, filtered):
+    noise = np.random.default_rng(1).standard_normal((8000, 3))
+    return looks._Gyros("", rate, [noise], filtered)
 
 
 def tones(**powers):
