@@ -10,7 +10,7 @@ from scipy.signal import chirp, cont2discrete, lfilter
 
 import helisim as hs
 import script
-from helisim.ident.evidence import _driven, _frozen
+from helisim.ident.evidence import _cells, _driven, _frozen, _regressed  # noqa: F401  (rows name them)
 from helisim.ident.response import opposes
 from ident_data import record
 from tabled import tabled
@@ -150,3 +150,12 @@ def test_an_output_that_was_logged_slower_is_late_by_half_its_step(every, off, c
     found = _frozen([flight], SimpleNamespace(outputs=("p",)), ("lat",))
     said = [list(map(float, NUMBER.findall(one.text))) for one in found]
     assert said == ([[every, pytest.approx(late)]] if late else [])
+
+
+def noise(*shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+@tabled("made", "wanted")
+def test_cells_and_what_they_tell_by_chance(made, wanted):
+    assert made() == wanted
