@@ -13,17 +13,9 @@ from autopilot_logs import Log
 from helisim.base.units import STANDARD_GRAVITY as G
 from helisim.ident import structures
 from helisim.ident.evaluate import linear
+from tabled import rows
 
-TRUTH = {
-    "rollpitch_speeds": {
-        "tau_f": 0.07, "L_b": 900.0, "M_a": 500.0, "A_b": -0.3, "B_a": 0.3, "A_lat": 0.05,
-        "A_lon": 0.25, "B_lat": 0.25, "B_lon": -0.05, "tau_lat": 0.0, "tau_lon": 0.0,
-        "A_u": 0.0, "A_v": 0.0, "L_p": 0.0, "M_q": 0.0,
-        "X_u": 0.0, "Y_v": 0.0, "L_v": 0.0, "M_u": 0.0,
-    },
-    "yaw_base": {"N_r": -3.0, "N_ped": 50.0, "tau_r_base": 0.0},
-    "heave_imu": {"Z_w": -2.0, "Z_col": -25.0, "tau_col": 0.0},
-}  # fmt: skip
+TRUTH = dict(rows(globals(), "TRUTH"))
 _FEEDBACK = np.array([0.04, 0.08, 0.05])
 """Command by p, q and r, s/rad."""
 _LEAN = 0.3

@@ -15,7 +15,7 @@ from helisim.records.storage import read_record
 from helisim.sim import fly, multisine, plan, read_plan, write_plan
 from helisim.sim.missions import autopilot
 from helisim.vehicle import load
-from tabled import tabled
+from tabled import rows, tabled
 
 SHORT = hs.Sweep(axis="lat", duration=8.0, trim_time=1.0)
 FULL = hs.FlightPlan(
@@ -33,11 +33,7 @@ FULL = hs.FlightPlan(
     ),
     envelope=hs.FlightEnvelope(tilt=0.8, descent=None, touchdown=1.0),
 )
-PLANS = {
-    "all else default": hs.FlightPlan(excitation=SHORT),
-    "everything set": FULL,
-    "nothing limited": hs.FlightPlan(excitation=SHORT, envelope=hs.FlightEnvelope.off()),
-}
+PLANS = dict(rows(globals(), "PLANS"))
 
 
 @pytest.mark.parametrize("name", PLANS)
