@@ -1,5 +1,6 @@
 """Parameters for an autopilot: they follow from the vehicle, fly it with margins, and say why."""
 
+import functools
 import math
 
 import numpy as np
@@ -8,18 +9,21 @@ import pytest
 import helisim as hs
 from command import parm_file
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins as margins_of
 from helisim.handling.figures import rejection as rejection_of
+from helisim.sitl import gains
 from helisim.sitl.gains import AHEAD, BAND, Commanded, Required, _Closed, tune
 from helisim.sitl.mixing import Mixer, Outputs, command_scale
 from helisim.sitl.parameters import Setting, swashplate, tail
+from helisim.study.log_tune import shaken
 from helisim.vehicle.parameters import model_folder
 from plates import H3_120
 from sid_logs import TRUTH, SidLog
 from tabled import tabled
 
-LINE = 98
-"""Characters of a line that ArduPilot reads; the rest would be the next line's name."""
+LINE = 98  # characters of a line that ArduPilot reads; the rest would be the next line's name
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +58,7 @@ def test_the_hover_is_the_vehicle_s(made):
 
 
 def test_reversed_servos_and_turned_plates_are_set_right():
-    """A plate turned by 90 degrees, a reversed linkage, a reversed servo, other outputs and pulses.
-
-    Mixed as ArduPilot mixes, each of its commands still moves its own control the right way.
-    """
+    """Mixed as ArduPilot mixes, each of its commands still moves its own control the right way."""
     changes = {
         "swashplate.front_angle": math.pi / 2.0,
         "swashplate.left_angle": math.radians(-150.0),
@@ -82,10 +83,7 @@ def test_reversed_servos_and_turned_plates_are_set_right():
 
 
 def test_the_shipped_file_is_what_identified_models_gave(made):
-    """Its gains, from sweeps of `helisim reproduce`, are those of the exact model but for 15 %.
-
-    A grid of gains is searched: its steps are up to 13 % wide. What is not tuned is the same.
-    """
+    """Of sweeps of `helisim reproduce`: gains are the exact model's but for 15 %, others equal."""
     shipped = parm_file(model_folder("jr700") / "jr700.parm")
     assert set(shipped) == set(made.values)
     for name, value in made.values.items():
@@ -106,12 +104,6 @@ class Gain:
         s = 1j * frequency
         rate = self.gain / (s + self.slow)
         return np.stack([rate, rate / s])[:, None]
-
-
-class Heave(Gain):
-    """The same of w over col."""
-
-    inputs, outputs = ("col",), ("w", "az")
 
 
 def test_commands_act_when_their_pulses_do():
@@ -138,9 +130,24 @@ def test_gains_that_swing_a_flapping_mode_up_are_not_allowed():
     }
     assert grow == {5.0: 0, 15.0: 0, 40.0: 2, 120.0: 2}
     for k, loop in loops.items():
-        one = _Closed(loop[None], loop[None], loop[None], loops[120.0], -2.0)
+        one = _Closed(*[loop[None]] * 3, loop, loops[120.0], -2.0)
         assert one.growing() == grow[k] - 2
         assert one.keeps(Required(0.0, 0.0, np.inf)) == (grow[k] == 0)
+
+
+def test_small_gains_are_found_and_gusts_count():
+    """Of a rotor that follows at 40 rad/s, little damped: without P its DRB are 4 rad/s."""
+    a, b = [[0.0, 1.0, 0.0], [-1600.0, -8.0, 0.0], [1.0, 0.0, 0.0]], [[0.0], [6400.0], [0.0]]
+    c, names = np.eye(3)[[0, 2]], (("lat",), ("p", "phi"))
+    rotor = LinearSystem(a, b, c, np.zeros((2, 1)), None, *names, delays={"lat": 0.07})
+    law, best = functools.partial(gains.law_of, lean=(0.0, 0.0)), []
+    for by in (np.inf, 0.01):
+        asked = gains.STANDARD._replace(noise=0.1, rate=3.0, attitude=3.0, gusts=by)
+        best.append(law(gains.search([rotor], law, {"lat": asked}, slopes={"lat": (20.0, 6.0)})))
+    for place in ("sensors", "attitude"):
+        left = ClosedLoop(rotor, best[0], BAND).disturbance("lat", place)
+        assert rejection_of(left).bandwidth > 5.0
+    assert shaken(rotor, best[1], "lat") < 0.98 * shaken(rotor, best[0], "lat")
 
 
 def test_feed_forward_is_the_inverse_of_a_steady_rate():
@@ -164,18 +171,19 @@ def test_what_gives_no_parameters_is_refused(tmp_path):
     path = SidLog().sweep(10, length=12.0, low=1.0).save(tmp_path)
     with pytest.raises(InputError, match="sweep roll and pitch both, or yaw"):
         hs.autopilot_parameters("jr700", path)
+    heave = Gain()
+    heave.inputs, heave.outputs = ("col",), ("w", "az")
+    with pytest.raises(InputError, match="no axis can be tuned: the model goes from col to w, az"):
+        tune(heave, np.eye(4))
 
 
 def test_what_a_model_does_not_know_is_said():
     made = hs.sitl.parameters.parameters_for("jr700", Gain())
-    assert "ATC_RAT_YAW_P" in made.values
-    assert "ATC_RAT_RLL_P" not in made.values
+    assert {"ATC_RAT_YAW_P", "ATC_RAT_RLL_P"} & made.values.keys() == {"ATC_RAT_YAW_P"}
     assert any("no gains of roll" in one for one in made.remarks)
     assert any("no gains of height" in one for one in made.remarks)
     lifted = hs.sitl.parameters.parameters_for("jr700", Gain(), of_autopilot=True, lift=20.0)
     assert lifted.values["PSC_ACCZ_P"] == pytest.approx(9.80665 / 20.0, rel=1e-4)  # four digits
-    with pytest.raises(InputError, match="no axis can be tuned: the model goes from col to w, az"):
-        tune(Heave(), np.eye(4))
 
 
 def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
@@ -183,9 +191,8 @@ def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
     truth = TRUTH["yaw_base"]
     path = SidLog().sweep(12, length=12.0, low=1.0).save(tmp_path)
     made = hs.autopilot_parameters("jr700", path)
-    # one sweep of 12 s tells N_r / N_ped to a few per cent, and delays move it by 1 %
-    expected = -truth["N_r"] / truth["N_ped"]
-    assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(expected, rel=0.05)
+    # one sweep of 12 s tells it to a few per cent, and delays move it by 1 %
+    assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(-truth["N_r"] / truth["N_ped"], rel=0.05)
     assert "identified in its own log (yaw_alone)" in made.title
     assert "ATC_RAT_RLL_P" not in made.values
 

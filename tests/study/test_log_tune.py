@@ -1,6 +1,5 @@
 """Better gains from a flight's own log: as predicted, within what is required, or refused."""
 
-import functools
 import json
 
 import numpy as np
@@ -33,14 +32,9 @@ def tuned(logs, fewer_draws):
     return tune_log(logs)
 
 
-@functools.cache
-def closed(law):
-    return ClosedLoop(Plant(), law, np.geomspace(0.2, np.pi / law.period, 4000))
-
-
 def exact(law, axis):
     """Return figures of the exact loop, and where it turns by -180 degrees."""
-    loop = closed(law)
+    loop = ClosedLoop(Plant(), law, np.geomspace(0.2, np.pi / law.period, 4000))
     cut, left = margins(loop.broken(axis)), rejection(loop.disturbance(axis))
     return {
         "crossover": cut.crossover,

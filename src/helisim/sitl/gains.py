@@ -33,7 +33,8 @@ _LATE = {"lat": 0.25e-3, "lon": 0.25e-3, "ped": 0.25e-3 + 1.0 / LOOP_RATE}
 _HOLDS = 3.0
 BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
-_P = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(1.2, 3.0, 10)])  # In that unit
+# In that unit; where a flapping mode follows at a few rad/s, gains near 0.05 are the best.
+_P = np.concatenate([[0.0], np.geomspace(0.05, 1.0, 12), np.linspace(1.2, 3.0, 10)])
 _D = np.array([0.0, 0.0075, 0.015, 0.03, 0.045, 0.06, 0.09])  # s, by P
 HELD = np.linspace(1.0, 12.0, 23)  # 1/s, of the attitude, as far as ArduPilot's own range goes
 _CLOSER = (0.3, 0.2, 0.12, 0.07, 0.04)
@@ -44,11 +45,12 @@ _SLOWEST = 2.0  # rad/s, below which no attitude is held
 # noise buys a tenth to a fifth of an octave of rejection, and the next half octave next to nothing.
 _NOISE = 0.25
 _ALLOWED = 0.05  # The same where noise has a ceiling: below it little is gained by less
-_QUIET = 0.1  # Noise of the command, in the unit of P over the gyro's, below which less buys little
+# Noise of the command, in the unit of P over the gyro's, that moves no servo much: less buys little
+_QUIET = 0.1
 # Most noise, likewise. Gains within the margins of the JR700, the Blade 360 and the Lynx need 0.05
 # to 1.5 with a gyro filter of 20 Hz; beyond 2 a model is used far above where it was identified.
 _LOUD = 2.0
-_FAINT, _LEAST = 0.4, 1e-12  # Noise, likewise, that moves no servo much; none at all
+_LEAST = 1e-12  # Noise, likewise: none at all
 _FIRST = 3.0  # 1/s, of the attitude, with which loops are closed until their gains are found
 _EACH = 32  # Gains that are tried at once with all models
 _SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehicle can be
@@ -58,8 +60,9 @@ class Required(NamedTuple):
     """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB, and most noise.
 
     Noise is the rms of the command over that of white noise of the gyro, of full command by rad/s;
-    `_FAINT` is always allowed. `rate` and `attitude` are DRB that are worth the same, rad/s: of
-    disturbances of attitude and rate together, and of attitude alone.
+    `_QUIET` is always allowed. Worth the same are `rate` and `attitude`, DRB of disturbances of
+    attitude and rate together and of attitude alone, rad/s, and `gusts`: the rms of the attitude
+    over that of white noise of the command, which counts for nothing if infinite.
     """
 
     gain: float
@@ -68,6 +71,7 @@ class Required(NamedTuple):
     noise: float = np.inf
     rate: float = 1.0
     attitude: float = 1.0
+    gusts: float = np.inf
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -308,7 +312,7 @@ def _best(
 def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
     """Return which of the gains, (6, n_gains), are the best that will do, None if none will."""
     likely = cuts[0].closed(gains)
-    most = min(_LOUD, max(_FAINT, required.noise / unit))
+    most = min(_LOUD, max(_QUIET, required.noise / unit))
     clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < most))
     order = clear[np.argsort(-likely.worth(unit, required)[clear])]
     for start in range(0, order.size, _EACH):
@@ -323,6 +327,7 @@ def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required)
 class _Closed(NamedTuple):
     """Loops of many gains, (n_gains, n_freq) each: L, its part by the rate, command over noise.
 
+    `turned` is the attitude over what is added to the command, (n_freq,), with this axis open.
     `beside` is another loop of the same vehicle, (n_freq,), and `least` how many more poles than
     its grow with the stablest gains that are known.
     """
@@ -330,6 +335,7 @@ class _Closed(NamedTuple):
     loop: Complex
     by_rate: Complex
     noisy: Complex
+    turned: Complex
     beside: Complex
     least: float = 0.0
 
@@ -350,11 +356,19 @@ class _Closed(NamedTuple):
     def worth(self, unit: float, required: Required) -> Real:
         """Return the rejection of disturbances less what noise costs, (n_gains,), by a unit of P.
 
-        Disturbances are of attitude and rate together, and of attitude alone.
+        Disturbances are of attitude and rate together, of attitude alone, and of the command, as
+        gusts are: DRB says how fast they may be, and not how strong faster ones are.
         """
         left = 1.0 / (1.0 + self.loop)
         by_rate = (1.0 + self.by_rate) * left
-        error = np.hypot(required.rate / _rejected(left), required.attitude / _rejected(by_rate))
+        error = np.linalg.norm(
+            [
+                required.rate / _rejected(left),
+                required.attitude / _rejected(by_rate),
+                passed(self.turned * left) / required.gusts,
+            ],
+            axis=0,
+        )
         price = _ALLOWED if required.noise < np.inf else _NOISE
         return -np.log(error) - price * np.log(_QUIET + self.noise(unit))
 
@@ -406,12 +420,13 @@ def _rejected(left: Complex) -> Real:
 class _Cut(NamedTuple):
     """One axis's loop by each unit of P, I, FF and of D by filters `slopes`, (n_term, n_freq) each.
 
-    It is by rate and by angle; `beside` and `least` are as of `_Closed`.
+    It is by rate and by angle; `turned`, `beside` and `least` are as of `_Closed`.
     """
 
     by_rate: Complex
     by_angle: Complex
     noisy: Complex  # The command over the gyro's noise
+    turned: Complex
     slopes: tuple[float, ...]
     beside: Complex
     least: float = 0.0
@@ -432,12 +447,19 @@ class _Cut(NamedTuple):
         """
         moved = ClosedLoop(plant, others, BAND).reached("actuators", axis)
         seen = [name for name in others.inputs if name in plant.outputs]
-        known = rows[:, :, [others.inputs.index(name) for name in seen]]
         by_rate, both = np.einsum(
-            "tasf,sf->atf", known, -np.array([moved[name].response for name in seen])
+            "tasf,sf->atf",
+            rows[:, :, [others.inputs.index(name) for name in seen]],
+            -np.array([moved[name].response for name in seen]),
         )
-        noisy = rows[:, 0, others.inputs.index(axis_of(axis).rate or "")]
-        found = cls(by_rate, both - by_rate, noisy, slopes, beside=np.zeros(BAND.size, complex))
+        found = cls(
+            by_rate,
+            both - by_rate,
+            noisy=rows[:, 0, others.inputs.index(axis_of(axis).rate or "")],
+            turned=moved[axis_of(axis).angle].response,
+            slopes=slopes,
+            beside=np.zeros(BAND.size, complex),
+        )
         found = found._replace(beside=found.closed(some[:, :1]).loop[0])
         return found._replace(least=float(found.closed(some).growing().min()))
 
@@ -448,4 +470,4 @@ class _Cut(NamedTuple):
         angle = angle[:, None]
         by_rate = terms @ self.by_rate
         loop = by_rate + angle * (terms @ self.by_angle)
-        return _Closed(loop, by_rate, terms @ self.noisy, self.beside, self.least)
+        return _Closed(loop, by_rate, terms @ self.noisy, self.turned, self.beside, self.least)

@@ -510,15 +510,19 @@ def searched(
 
     All figures are of the returned gains together, axes without keeping today's, whose figures
     `stays` are. Their intervals hold what is required, they pass at most half more noise than the
-    law of `today`, and they reject more; where today's margins hold, gusts move no attitude more.
+    law of `today`, and they leave less of disturbances and gusts, in shares of what today's leave;
+    where today's margins hold, gusts move no attitude more.
     Gains are `rounded` as the autopilot takes them; `held` and `slopes` as of `search`.
     """
     none: dict[str, str] = {}
     tries, asked = Counter[str](), dict[str, Required]()
     for axis, one in stays.items():
-        most, rate = LOUDER * noise_of(plants[0], today, axis), one["DRB"]
-        alone = one.get(ATTITUDE_DRB, rate)
-        asked[axis] = required._replace(noise=most, rate=rate.value, attitude=alone.value)
+        asked[axis] = required._replace(
+            noise=LOUDER * noise_of(plants[0], today, axis),
+            rate=one["DRB"].value,
+            attitude=one.get(ATTITUDE_DRB, one["DRB"]).value,
+            gusts=shaken(plants[0], today, axis),
+        )
     while asked:
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked, held, slopes)
@@ -532,14 +536,16 @@ def searched(
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
         short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
+        shakes = {axis: shaken(plants[0], law(gains), axis) / asked[axis].gusts for axis in gains}
         dull = [
             axis
             for axis in gains
             if axis not in short
             and not any(lacks(stays[axis], required))
             and (
-                _error(stays[axis], asked[axis]) < _WORTH * _error(tuned[axis], asked[axis])
-                or shaken(plants[0], law(gains), axis) > shaken(plants[0], today, axis)
+                _error(stays[axis], asked[axis], 1.0)
+                < _WORTH * _error(tuned[axis], asked[axis], shakes[axis])
+                or shakes[axis] > 1.0
             )
         ]
         if not short and not dull:
@@ -557,11 +563,11 @@ def searched(
     return {}, {}, none
 
 
-def _error(figures: Mapping[str, Interval], required: Required) -> float:
-    """Return what disturbances of both kinds leave, each by the DRB that is worth the same."""
+def _error(figures: Mapping[str, Interval], required: Required, shakes: float) -> float:
+    """Return what disturbances leave: of both kinds, by DRB worth the same, and gusts' `shakes`."""
     worth = {"DRB": required.rate, ATTITUDE_DRB: required.attitude}
     return math.hypot(
-        *(one / figures[name].value for name, one in worth.items() if name in figures)
+        shakes, *(one / figures[name].value for name, one in worth.items() if name in figures)
     )
 
 
