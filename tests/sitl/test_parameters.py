@@ -188,8 +188,7 @@ def test_what_a_model_does_not_know_is_said():
 
 def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
     """A sweep of the mixer's yaw: N_r / N_ped of the log's helicopter, whatever the vehicle's."""
-    truth = TRUTH["yaw_base"]
-    path = SidLog().sweep(12, length=12.0, low=1.0).save(tmp_path)
+    truth, path = TRUTH["yaw_base"], SidLog().sweep(12, length=12.0, low=1.0).save(tmp_path)
     made = hs.autopilot_parameters("jr700", path)
     # one sweep of 12 s tells it to a few per cent, and delays move it by 1 %
     assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(-truth["N_r"] / truth["N_ped"], rel=0.05)

@@ -216,7 +216,7 @@ def tune_log(
     """Return an ArduCopter-heli's loops and better gains, from logs of its SystemID sweeps.
 
     A model is identified of each axis that was swept; today's gains and filters are the logs'. The
-    candidate's gains reject disturbances up to the highest frequency at which the 95 % intervals of
+    candidate's gains leave the least of disturbances and gusts at which the 95 % intervals of
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
     models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without a sweep tell
     today's loops and the feed-forward, by what the pilot's sticks or AutoTune moved, or vibration
