@@ -61,10 +61,7 @@ def outcome(arguments):
 @given(data=st.data())
 @settings(max_examples=20)
 def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, data):
-    """Status 0 or 1 and an answer, or status 2 and one line: never another exception.
-
-    A flight in a storm may end early, which is status 3.
-    """
+    """Status 0, 1 or, as a storm may end a flight, 3; or 2 and one line: no other exception."""
     given_ = []
     for option in data.draw(st.lists(st.sampled_from(OPTIONS[command]), min_size=1, max_size=2)):
         given_ += [text for text in (option, data.draw(ANY)) if text or option]

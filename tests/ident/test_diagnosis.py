@@ -161,10 +161,7 @@ def test_what_is_wrong_with_data_is_told(frf, structure, expected, said):
 
 @tabled("value", "bound", "insensitivity", "decided", "word")
 def test_support_is_by_the_guidelines_of_the_value(value, bound, insensitivity, decided, word):
-    """CR up to 20 % and I up to 10 % of the value (Tischler and Remple), whatever its sign.
-
-    What the search or the user decided comes before the figures.
-    """
+    """CR to 20 %, I to 10 % of the size (Tischler and Remple); decisions come before figures."""
     known = Parameter("K", "1", 1.0, fixed=decided.pop("fixed", False))
     for sign in (1.0, -1.0):
         one = FittedParameter(known, sign * value, bound, insensitivity, 0.0, False)

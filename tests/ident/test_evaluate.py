@@ -34,10 +34,7 @@ JORDAN = Structure(
 
 
 def test_equal_lags_are_their_transfer_function():
-    """K / (T s + 1)^2 and its slopes by hand.
-
-    With T = 0, M is singular and y = K u; by T, the slope of the lags is -2 K s.
-    """
+    """K / (T s + 1)^2 and its slopes by hand; at T = 0 M is singular, the slope by T -2 K s."""
     s, k = 1j * GRID, 2.0
     for t in (0.1, 0.0):
         found, slope = response_and_slope(JORDAN, {"T": t, "K": k}, GRID)

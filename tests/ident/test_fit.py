@@ -177,10 +177,7 @@ def curve(num, den, tau):
 
 @pytest.mark.parametrize("tau", [-0.25, 0.5, 1.25])
 def test_a_rational_fit_needs_no_start(tau):
-    """Exact data of (2 s^2 - s + 5)/(s^3 + 3 s^2 + 4 s + 2): coefficients to 1e-6, any delay.
-
-    1.25 s is two cycles of the band's top, 10 rad/s.
-    """
+    """Coefficients of exact data to 1e-6, at any delay: 1.25 s is two cycles of 10 rad/s."""
     num, den = (2.0, -1.0, 5.0), (1.0, 3.0, 4.0, 2.0)
     weight, grid = np.ones(WIDE.size), delay_grid(WIDE)
     fits = rational_fits(WIDE, curve(num, den, tau), weight, zeros=2, poles=3, delays=grid)

@@ -96,10 +96,7 @@ class Bench:
 
 
 def test_the_motor_has_the_data_sheet_of_one():
-    """From four numbers of the sheet its other four: no load, nominal load, standstill.
-
-    3e-3: the sheet prints three digits.
-    """
+    """From four numbers of the sheet its other four, to the three digits that it prints."""
     par = block(**MAXON)
     torque_constant = 1.0 / par[PARAM.drive_speed_constant]
     assert torque_constant == pytest.approx(60.3e-3, rel=3e-3)

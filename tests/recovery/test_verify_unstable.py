@@ -44,10 +44,7 @@ def verified(name: str, **changes: float):
 
 @pytest.mark.parametrize("name", UNSTABLE)
 def test_the_true_model_of_an_unstable_aircraft_is_acceptable(name):
-    """Flown in closed loop, it is predicted down to the sensors' noise, and said to be unstable.
-
-    Noise alone scatters J_rms by 2 %.
-    """
+    """In closed loop it is predicted to the sensors' noise, which scatters J_rms by 2 %."""
     found = verified(name)
     noise = aircraft(name).rig.noise
     assert found.acceptable

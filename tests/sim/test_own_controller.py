@@ -234,10 +234,7 @@ def test_sticks_that_ask_for_times_as_much_are_moved_by_one_over_it(jr700, chang
 
 
 def test_an_attitude_command_is_led_and_where_feedback_diverges_not_fed_back(jr700):
-    """The attitude wanted is reached, by a whole stick of 0.6 rad; on the Lynx by leading alone.
-
-    10 %: the loop that is kept closes by 0.92 to 1.
-    """
+    """The attitude wanted is reached, on the Lynx by leading; the loop closes by 0.92 to 1."""
     lynx = (-0.01, 0.5, 0.5, 0.1), 0.02, 0.05, 0.1  # of its file
     for vehicle, gains, share in ((jr700, (GIVEN, *OUTER), 0.6), (hs.load("lynx"), lynx, 2e-3)):
         ahead, back = (one[1:3] for one in on_law(vehicle.with_controller(HOLDS), *gains))

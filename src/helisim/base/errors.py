@@ -48,9 +48,8 @@ class HelisimError(Exception):
 
     def __str__(self) -> str:
         lines = super().__str__().splitlines()
-        if not isinstance(self, LogError):
-            return shown(" ".join(lines), _LONGEST)
-        return "\n".join(shown(one, _LONGEST) for one in lines)
+        kept = lines if isinstance(self, LogError) else [" ".join(lines)]
+        return "\n".join(shown(one, _LONGEST) for one in kept)
 
 
 class InputError(HelisimError, ValueError):

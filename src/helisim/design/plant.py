@@ -117,9 +117,11 @@ class Plant(Value):
         turning = turned(self.tilt)
 
         def share(name: str, row: str) -> float:
-            if name not in ANGLES:
-                return float(name == row)
-            return dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist())).get(row, 0.0)
+            return (
+                dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist())).get(row, 0.0)
+                if name in ANGLES
+                else float(name == row)
+            )
 
         return np.array([[share(name, row) for row in system.outputs] for name in self.outputs])
 

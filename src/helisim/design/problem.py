@@ -71,15 +71,19 @@ class Free:
     def coordinate(self, value: float) -> float:
         """Return the coordinate of a value, clipped to the range."""
         inside = min(max(value, self.low), self.high)
-        if self.low > 0.0:
-            return math.log(inside)
-        return _SPAN * (inside - self.low) / (self.high - self.low)
+        return (
+            math.log(inside)
+            if self.low > 0.0
+            else _SPAN * (inside - self.low) / (self.high - self.low)
+        )
 
     def value(self, coordinate: float) -> float:
         """Return the value at a coordinate."""
-        if self.low > 0.0:
-            return math.exp(coordinate)
-        return self.low + (self.high - self.low) * coordinate / _SPAN
+        return (
+            math.exp(coordinate)
+            if self.low > 0.0
+            else self.low + (self.high - self.low) * coordinate / _SPAN
+        )
 
 
 def free_parameters(

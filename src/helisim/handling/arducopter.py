@@ -118,9 +118,11 @@ class Notch:
         on, ref, mode, several, *own = (
             parameters.get(f"{name}_{word}", usual) for word, usual in _USUAL.items()
         )
-        if not on or (ref and mode) or int(several) & 0b10001:
-            return None
-        return cls(*own[:3], harmonics=int(own[3]))
+        return (
+            None
+            if not on or (ref and mode) or int(several) & 0b10001
+            else cls(*own[:3], harmonics=int(own[3]))
+        )
 
     @property
     def sections(self) -> NDArray[np.float64]:
@@ -279,9 +281,11 @@ def _response(law: ArduCopterLaw, frequency: bytes) -> NDArray[np.complex128]:
 
 
 def _share(corner: float, period: Each) -> Real:
-    if not corner:
-        return np.ones_like(period)
-    return np.asarray(period / (period + 1.0 / (2.0 * math.pi * corner)))
+    return (
+        np.asarray(period / (period + 1.0 / (2.0 * math.pi * corner)))
+        if corner
+        else np.ones_like(period)
+    )
 
 
 def _rates(axis: str, given: Callable[[str], float]) -> Rates:

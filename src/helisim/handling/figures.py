@@ -256,9 +256,11 @@ def quickness(angle: Real, rate: Real) -> Quickness:
         change, rate = -change, -rate
     top = int(np.argmax(change))
     highest = float(change[top])
-    if highest <= 0.0:
-        return Quickness(0.0, 0.0, 0.0)
-    return Quickness(float(rate.max()) / highest, highest, float(change[top:].min()))
+    return (
+        Quickness(0.0, 0.0, 0.0)
+        if highest <= 0.0
+        else Quickness(float(rate.max()) / highest, highest, float(change[top:].min()))
+    )
 
 
 def changed(time: Real, angle: Real, rate: Real, *, change: float) -> Quickness:

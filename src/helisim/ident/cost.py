@@ -63,9 +63,11 @@ class Points:
 
         Zero if the errors are unknown.
         """
-        if self.covariance is None:
-            return np.zeros(self.frequency.size)
-        return np.sqrt(0.5 * np.real(np.diagonal(self.covariance)))
+        return (
+            np.zeros(self.frequency.size)
+            if self.covariance is None
+            else np.sqrt(0.5 * np.real(np.diagonal(self.covariance)))
+        )
 
 
 def select(
@@ -283,9 +285,11 @@ class Cost:
 
     @staticmethod
     def _parts(errors: NDArray[np.complex128]) -> Real:
-        if not np.all(np.isfinite(errors)):
-            return np.full(2 * errors.size, _HOPELESS)
-        return np.concatenate([errors.real, errors.imag])
+        return (
+            np.concatenate([errors.real, errors.imag])
+            if np.all(np.isfinite(errors))
+            else np.full(2 * errors.size, _HOPELESS)
+        )
 
     def jacobian_by(self, x: Real, names: Sequence[str], *, standardised: bool) -> Real:
         """Return derivatives of a residual by parameters that aren't free, (2 n_point, n_name)."""

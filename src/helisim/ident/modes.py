@@ -64,9 +64,11 @@ class Mode:
     @property
     def frequency_error(self) -> float:
         """Standard error of `frequency`, rad/s."""
-        if self.frequency == 0.0:
-            return math.hypot(self.real_error, self.imag_error)
-        return self._error(self.real / self.frequency, self.imag / self.frequency)
+        return (
+            math.hypot(self.real_error, self.imag_error)
+            if self.frequency == 0.0
+            else self._error(self.real / self.frequency, self.imag / self.frequency)
+        )
 
     @property
     def damping(self) -> float:

@@ -71,9 +71,9 @@ _Times = NDArray[np.float64]
 def is_dataflash(path: str | PathLike[str]) -> bool:
     """Return whether a file is a DataFlash log, damaged, whole or as text. Raises StorageError."""
     start = first_bytes(path, _SNIFFED)
-    if start.startswith(ULOG_MAGIC):
-        return False
-    return start.startswith(_MARKS) or _FMT_START in start or bool(_TEXT_START.search(start))
+    return not start.startswith(ULOG_MAGIC) and (
+        start.startswith(_MARKS) or _FMT_START in start or bool(_TEXT_START.search(start))
+    )
 
 
 class _Field(NamedTuple):

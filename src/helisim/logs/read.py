@@ -230,9 +230,11 @@ def _from_record(
     facts, origin = record.provenance, f"{first:.9g} s"
     log = _assembled(head, (within_limits,), (), origin, options, findings, facts, wanted)
     report = log.report
-    if report.resampled_hz or report.repairs or report.parts[0].samples != len(record):
-        return log
-    return replace(log, records=(record,))
+    return (
+        log
+        if report.resampled_hz or report.repairs or report.parts[0].samples != len(record)
+        else replace(log, records=(record,))
+    )
 
 
 def from_source(

@@ -373,9 +373,11 @@ def _comb(tones: Mapping[float, float], line: float) -> float | None:
     tried = [at / n for at in tones for n in range(1, _COMB + 1) if low <= at / n <= high]
     worth = {one: round(sum(tones[at] for at in matched(one).values())) for one in tried}
     found = matched(max(tried, key=lambda one: (worth[one], one))) if tried else {}
-    if len(found) < 2:
-        return None
-    return sum(n * at for n, at in found.items()) / sum(n * n for n in found)
+    return (
+        None
+        if len(found) < 2
+        else sum(n * at for n, at in found.items()) / sum(n * n for n in found)
+    )
 
 
 def _tail(tones: Mapping[float, float], rotor: float, line: float) -> float:

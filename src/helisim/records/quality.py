@@ -104,9 +104,11 @@ def at_stop(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     Far beyond the stop it isn't unitised, and no sample is.
     """
     size = np.abs(values)
-    if np.max(size) > _STOP + _OVERSHOOT:
-        return np.zeros(values.size, dtype=np.bool_)
-    return np.abs(size - _STOP) <= _ROUNDING
+    return (
+        np.zeros(values.size, dtype=np.bool_)
+        if np.max(size) > _STOP + _OVERSHOOT
+        else np.abs(size - _STOP) <= _ROUNDING
+    )
 
 
 ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))

@@ -106,9 +106,11 @@ class Scale:
     def share(self, values: Real | Sequence[float]) -> Real:
         """Return places of values along the axis, 0 at its start, 1 at its end; (n_value,)."""
         values = np.asarray(values, dtype=np.float64)
-        if self.logarithmic:
-            return np.log(values / self.low) / math.log(self.high / self.low)
-        return (values - self.low) / (self.high - self.low)
+        return (
+            np.log(values / self.low) / math.log(self.high / self.low)
+            if self.logarithmic
+            else (values - self.low) / (self.high - self.low)
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,16 +77,16 @@ def common_form(values: Iterable[float | None], digits: int = 4) -> str:
     sizes = [abs(value) for value in values if value is not None and math.isfinite(value)]
     largest = max(sizes, default=0.0)
     exponent = 0 if largest == 0.0 else math.floor(math.log10(largest))
-    if not -4 <= exponent < 7:
-        return f".{digits - 1}e"
-    return f".{max(digits - 1 - exponent, 0)}f"
+    return f".{max(digits - 1 - exponent, 0)}f" if -4 <= exponent < 7 else f".{digits - 1}e"
 
 
 def interval_form(width: float, usual: str = ".3g") -> str:
     """Return the format that gives an interval's width two digits; `usual` for no width."""
-    if not (math.isfinite(width) and width > 0.0):
-        return usual
-    return f".{min(max(1 - math.floor(math.log10(width)), 0), 6)}f"
+    return (
+        f".{min(max(1 - math.floor(math.log10(width)), 0), 6)}f"
+        if math.isfinite(width) and width > 0.0
+        else usual
+    )
 
 
 def as_text(table: Table, left_out: str = "*") -> str:

@@ -483,9 +483,11 @@ def _proved(one: ComparedCriterion, name: str, before: Rating | None) -> tuple[s
 
 
 def _called(figure: str, criterion: Criterion | None = None) -> str:
-    if figure == "turned" and isinstance(criterion, LoadRejection):
-        return f"turned by {axis_of(criterion.by).word} load"
-    return _SHORT.get(figure, figure.replace("_", " "))
+    return (
+        f"turned by {axis_of(criterion.by).word} load"
+        if figure == "turned" and isinstance(criterion, LoadRejection)
+        else _SHORT.get(figure, figure.replace("_", " "))
+    )
 
 
 def _for_people(value: float | None, unit: str, form: str = _FIGURE) -> str:

@@ -157,9 +157,11 @@ class Trajectory:
     def at_ticks(self) -> "Trajectory":
         """Return only the instants at which the held signals change."""
         each = round(self.hold / self.timestep)
-        if each <= 1:
-            return self
-        return replace(self.rows(slice(None, None, each)), timestep=each * self.timestep)
+        return (
+            self
+            if each <= 1
+            else replace(self.rows(slice(None, None, each)), timestep=each * self.timestep)
+        )
 
     def rows(self, rows: slice | NDArray[np.bool_]) -> "Trajectory":
         """Return only some of the samples, by a slice or flags (n_time,)."""

@@ -146,9 +146,11 @@ class Weather:
     def trimmed(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle trimmed for the wind, and the ground if it is felt. Raises TrimError."""
         par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
-        if self.wind == 0.0 and par[PARAM.ground_effect] == 0.0:
-            return vehicle
-        return vehicle.trimmed(height=self.height, wind=self.wind_to)
+        return (
+            vehicle
+            if self.wind == 0.0 and par[PARAM.ground_effect] == 0.0
+            else vehicle.trimmed(height=self.height, wind=self.wind_to)
+        )
 
     def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int) -> None:
         """Put gust and turbulence into a vehicle's parameters (n_param,); MuJoCo has the wind."""

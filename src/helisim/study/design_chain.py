@@ -152,9 +152,11 @@ def servos_of(vehicle: Vehicle | None, seed: int = 1) -> Servos | None:
 
 
 def _said(own: Mapping[str, Any]) -> Servos | None:
-    if not set(_SERVOS.values()) <= set(own):
-        return None
-    return {name: (float(own[key]), 0.0) for name, key in _SERVOS.items()}
+    return (
+        {name: (float(own[key]), 0.0) for name, key in _SERVOS.items()}
+        if set(_SERVOS.values()) <= set(own)
+        else None
+    )
 
 
 def flown_vehicle(said: Mapping[str, Any]) -> Vehicle | None:

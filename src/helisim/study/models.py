@@ -66,9 +66,11 @@ class ModelSpec:
 
     def paper_tolerance(self, name: str, cr_percent: float | None) -> Tolerance:
         """Return the tolerance by the paper's Cramér-Rao bound, or the model's own without one."""
-        if cr_percent is not None:
-            return Tolerance(percent=cr_percent, reason="the paper's Cramér-Rao bound")
-        return self.paper_tolerances.get(name, _TOLERANCES["unbounded"])
+        return (
+            Tolerance(percent=cr_percent, reason="the paper's Cramér-Rao bound")
+            if cr_percent is not None
+            else self.paper_tolerances.get(name, _TOLERANCES["unbounded"])
+        )
 
 
 SERVOS = "servos"  # the bench test's name

@@ -162,9 +162,11 @@ class Controller(Value):
     @property
     def state_names(self) -> tuple[str, ...]:
         """The names of all its states, those of the shipped gyro by what they are."""
-        if self.is_shipped:
-            return STATE._fields[FIRST_LAW_STATE:]
-        return tuple(f"law_{k}" for k in range(sum(self.state_counts)))
+        return (
+            STATE._fields[FIRST_LAW_STATE:]
+            if self.is_shipped
+            else tuple(f"law_{k}" for k in range(sum(self.state_counts)))
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a record says of it: name, laws with a digest of their source, settings."""

@@ -54,9 +54,11 @@ class Linearization(LinearSystem, Displayed):
         An example is ("r", "r"), which is N_r. Raises ValueError if there is no such name.
         """
         row = self.states.index(rate)
-        if cause in self.states:
-            return float(self.a[row, self.states.index(cause)])
-        return float(self.b[row, self.inputs.index(cause)])
+        return (
+            float(self.a[row, self.states.index(cause)])
+            if cause in self.states
+            else float(self.b[row, self.inputs.index(cause)])
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data: matrices, names, delays and the trim."""
