@@ -63,14 +63,15 @@ def test_pulses_that_repeat_a_whole_number_of_times_tell_a_response(times):
     assert np.max((off / (math.sqrt(2.0) * frf.random_error))[frf.usable()]) < 3.1
 
 
-def unstable(seed, disturbance=0.0, samples=2400):
-    """Return r = 1.02 r + 0.1 ped + v one sample ago, held by ped = PED - r, v white."""
+def unstable(seed, disturbance=0.0, samples=2400, answers=0.0):
+    """Return r = 1.02 r + 0.1 ped + v one sample ago, held by ped = PED - r; PED `answers` r."""
     random = np.random.default_rng(seed)
     stick, v = random.standard_normal(samples), disturbance * random.standard_normal(samples)
     r, ped = np.zeros(samples), np.zeros(samples)
     for k in range(samples):
         if k:
             r[k] = 1.02 * r[k - 1] + 0.1 * ped[k - 1] + v[k - 1]
+        stick[k] -= answers * r[k]
         ped[k] = stick[k] - r[k]
     return record(PED=stick, ped=ped, r=r)
 
@@ -85,6 +86,19 @@ def test_an_unstable_vehicle_comes_back_from_its_loop():
     expected = truth(*UNSTABLE, frf.frequency)
     assert worst(frf, expected) < 0.02
     assert np.median(np.abs(frf.response[0, 0] / expected - 1.0)) < 1e-4
+
+
+def test_a_pilot_who_answers_gusts_does_not_bias_a_predictor():
+    """Errors are as stated, three of them at most; the sticks as reference are half off."""
+    flight, asked = unstable(3, 0.1, samples=9600, answers=1.0), LOOP | {"band": (2.0, 20.0)}
+    joint = frequency_response(flight, **asked)
+    expected = truth(*UNSTABLE, joint.frequency)
+    assert np.mean(np.abs(joint.response[0, 0] / expected - 1.0)[:32]) > 0.4
+    frf = frequency_response(flight, estimator="predictor", **asked | {"reference": None})
+    off = np.abs(frf.response[0, 0] / expected - 1.0) / (math.sqrt(2.0) * frf.random_error[0, 0])
+    assert np.max(off) < 3.0
+    assert 0.2 < np.mean(off**2) < 2.0
+    assert not frf.evidence
 
 
 # The parts: lines of two flights

@@ -27,8 +27,8 @@ PERIOD, LATE = 0.004, 3  # s of a loop, and loops until a command acts
 N_R, N_PED = -2.0, 60.0  # 1/s, 1/s^2 by rad of blade pitch
 FULL = {"range": 1.0}
 LAW = laws.Rotorflight(
-    roll=laws.CyclicRotorflight(**FULL, p=52.0, b=7.0, gyro_cutoff=40.0),
-    pitch=laws.CyclicRotorflight(**FULL, p=45.0, d=40.0, d_cutoff=12.0),
+    roll=laws.CyclicRotorflight(**FULL, p=52.0, b=7.0, gyro_cutoff=40.0, o=43.0),
+    pitch=laws.CyclicRotorflight(**FULL, p=45.0, d=40.0, d_cutoff=12.0, o=61.0),
     yaw=laws.YawRotorflight(**FULL, p=60.0, i=70.0, d=5.0, ccw_stop_gain=100.0, cw_stop_gain=100.0),
     collective=laws.CollectiveRotorflight(**FULL),
     gyro_lowpass=0.0,
@@ -104,7 +104,8 @@ def tuned(log, fewer_draws):
 
 
 def test_the_law_is_the_header_s(log):
-    own = law_of_log(Blackbox(log))
+    own = law_of_log(Blackbox(log), collective=0.1)
+    assert (own.collective.centre, own.roll.o, own.pitch.o) == (0.1, 43.0, 61.0)
     for axis in ("roll", "pitch", "yaw"):
         for name in ("p", "i", "d", "f", "b", "gyro_cutoff", "d_cutoff"):
             assert getattr(getattr(own, axis), name) == getattr(getattr(LAW, axis), name), name

@@ -290,8 +290,9 @@ how to read the logs:
     and gusts (default: sticks, where they excite; none: the direct method)
 """,
     "estimator": """
---estimator NAME  local polynomial (default), windows (CIFER's composite), or, of identify,
-    likelihood (default where all records are shorter than 20 s)
+--estimator NAME  local polynomial (default), windows (CIFER's composite), predictor (feedback
+    doesn't bias it, without any reference), or, of identify, likelihood (default where all
+    records are shorter than 20 s)
 """,
 }  # Options that several commands have, and texts below them, by the names that docstrings say
 

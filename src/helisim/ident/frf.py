@@ -19,6 +19,7 @@ from helisim.base.settings import Limits, convert
 from helisim.ident.conditions import Conditions
 from helisim.ident.evidence import evidence, joint_evidence
 from helisim.ident.local import Local, with_gap
+from helisim.ident.predictor import Predictor
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.windows import Windows, lowest_line, window_lengths
 from helisim.records.missing import missing_of, with_more_missing
@@ -26,7 +27,8 @@ from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import STICKS, Channel, FlightRecord, one_blas_thread
 
 POINTS_PER_DECADE = 80  # of the frequency grid; fits use 20 points of a response
-ESTIMATORS = ("local", "windows")
+# _OF_A_LOOP: kinds of evidence that say nothing against a predictor
+ESTIMATORS, _OF_A_LOOP = ("local", "windows", "predictor"), ("feedback", "varying")
 CROSS_CONTROL_LIMIT = 0.5
 """Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
 CROSS_CONTROL_SINGULAR = 0.98
@@ -81,7 +83,8 @@ def frequency_response(
         conditioning: further active inputs, whose effect is removed.
         reference: signals outside the loop (sticks, the sweep), at least as many as active
             inputs: for the joint input-output method, unbiased by feedback and gusts.
-        estimator: "local" polynomial and rational method, or "windows", CIFER's composite.
+        estimator: "local" polynomial and rational method, "windows", CIFER's composite, or
+            "predictor", which feedback doesn't bias without a reference.
         use_ended: accept flights that were terminated early.
 
     Raises InputError for arguments; IdentificationError if records are too short, an input is
@@ -97,7 +100,9 @@ def frequency_response(
     check_known("estimator", [estimator], ESTIMATORS)
     lengths = window_lengths([len(one) * one.sample_time for one in flights], band)
     frequency = grid(band)
-    make = Local if estimator == "local" else partial(Windows, windows=lengths)
+    make = {"local": Local, "predictor": Predictor}.get(
+        estimator, partial(Windows, windows=lengths)
+    )
     method = make(flights, signals, frequency)
     fewer = [with_more_missing(one) if missing_of(one).any() else one for one in flights]
     poorer = None if all(map(operator.is_, fewer, flights)) else make(fewer, signals, frequency)
@@ -140,7 +145,12 @@ def frequency_response(
         return whole.part(len(wanted)), whole
 
     direct, whole = estimated(())
-    direct = replace(direct, evidence=evidence(flights, direct, whole))
+    told = tuple(
+        one
+        for one in evidence(flights, direct, whole)
+        if estimator != "predictor" or one.kind not in _OF_A_LOOP
+    )
+    direct = replace(direct, evidence=told)
     if not references:
         return direct
     joint, whole = estimated(references)

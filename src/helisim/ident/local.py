@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from helisim.base.arrays import Complex, Real
 from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, Lines, fit_band, flight_lines
-from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
+from helisim.ident.scatter import AVERAGES, Estimate, LineWeights, LocalScatter
 from helisim.records.record import FlightRecord
 
 WIDTHS: Real = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
@@ -50,7 +50,6 @@ _APART_WIDTH = 0.15  # of ln w, over which squares of estimates' differences are
 # Pulses that repeat a whole number of times leave most lines empty. Share of records that is cut
 # off to fill them, where no band can be solved at some frequency
 _CUTS = (0.02, 0.04, 0.08)
-_AVERAGES = 8.0  # no coherence is larger than what so many averages would need for the random error
 
 
 class Local:
@@ -67,7 +66,11 @@ class Local:
 
     def cross_control(self, names: Sequence[str]) -> Real:
         """Return the coherence between signals, (n_name, n_name, n_freq)."""
-        return between(_power(self._lines, self._lines.places(names), self._frequency))
+        return between(self.spectra(names))
+
+    def spectra(self, names: Sequence[str]) -> Complex:
+        """Return the spectra between signals, (n_freq, n_name, n_name)."""
+        return _power(self._lines, self._lines.places(names), self._frequency)
 
     def estimate(
         self,
@@ -106,17 +109,7 @@ class Local:
         # where no band can be solved its least solution is a third of the response
         bias = np.maximum(bias, 2.0 * np.abs(response) * bands.lost)
         scatter = LocalScatter(frequency, bands.packed(share), share, noise, bias, spread)
-        o, i, w = np.indices(response.shape).reshape(3, -1)
-        variance = scatter.variance(o, i, w).reshape(response.shape)
-        relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
-        coherence, multiple = _coherence(task, bands, response, level)
-        return Estimate(
-            response=response,
-            coherence=np.minimum(coherence, 1.0 / (1.0 + _AVERAGES * relative)),
-            multiple=multiple,
-            random_error=np.sqrt(0.5 * relative),
-            scatter=scatter,
-        )
+        return Estimate.stated(response, *_coherence(task, bands, response, level), scatter)
 
 
 def between(spectra: Complex) -> Real:
@@ -133,7 +126,7 @@ def with_gap(found: Estimate, frequency: Real, other: Complex) -> Estimate:
     apart = np.sqrt(smoothed(square, frequency, np.ones_like(square), _APART_WIDTH))
     random = np.hypot(found.random_error, math.sqrt(0.5) * apart)
     return found._replace(
-        coherence=np.minimum(found.coherence, 1.0 / (1.0 + 2.0 * _AVERAGES * random**2)),
+        coherence=np.minimum(found.coherence, 1.0 / (1.0 + 2.0 * AVERAGES * random**2)),
         random_error=random,
         scatter=replace(found.scatter, bias=np.hypot(found.scatter.bias, apart * size)),
     )

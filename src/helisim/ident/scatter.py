@@ -26,6 +26,7 @@ Index = Sequence[int] | NDArray[np.intp]
 # responses against their structures, and of 30 and 90 s sweeps' windows (correlation at 0.25, 0.5
 # and 1: 0.5 to 0.7, 0.3 to 0.5, 0.1 to 0.3)
 _REACH = 0.5
+AVERAGES = 8.0  # no coherence is larger than what so many would need for the random error
 _LOBES = 4.0  # half width of the Hann window's transform, bins: 0.0014 % of its power is outside
 
 
@@ -275,3 +276,16 @@ class Estimate(NamedTuple):
     multiple: Real
     random_error: Real
     scatter: ErrorModel
+
+    @classmethod
+    def stated(
+        cls, response: Complex, coherence: Real, multiple: Real, scatter: LocalScatter
+    ) -> "Estimate":
+        """Return an estimate with its errors, no more coherent than these allow."""
+        o, i, w = np.indices(response.shape).reshape(3, -1)
+        variance = scatter.variance(o, i, w).reshape(response.shape)
+        relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
+        most = 1.0 / (1.0 + AVERAGES * relative)
+        return cls(
+            response, np.minimum(coherence, most), multiple, np.sqrt(0.5 * relative), scatter
+        )

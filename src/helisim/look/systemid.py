@@ -632,8 +632,8 @@ def estimate_fits(
 ) -> tuple[FrequencyResponse, ...]:
     """Return the frequency response of each fit, by the joint input-output method.
 
-    A fit without references has the inputs' sticks, where they excite it. `estimator` is "local" or
-    "windows". Raises IdentificationError.
+    A fit without references has the inputs' sticks, where they excite it. `estimator` is as of
+    `frequency_response`. Raises IdentificationError.
     """
     found = []
     for fit in fits:

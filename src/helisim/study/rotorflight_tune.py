@@ -46,10 +46,19 @@ _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary f
 # rms of the relative difference of a flight's responses from those of the hover: 1.4 % in light
 # turbulence at up to 4 m/s, half of it without (scripts/proof/rotorflight_study.py)
 _ELSEWHERE = 0.015
-# the collective moves the nose, and by precompensation the pedals
+# The collective moves the nose, and by precompensation the pedals. Pilots answer gusts by cyclic,
+# hardly by pedals, whose command knows the rate better than a gyro in whole deg/s. Gusts hide how
+# a speed flaps back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
-    ("rollpitch_speeds", ("lat", "lon"), ("p", "q"), ("ped", "col")),
-    ("yaw_alone", ("ped",), ("r",), ("lat", "lon", "col")),
+    (
+        structures.rollpitch_speeds.with_fixed(
+            {"A_u": 0.003, "A_v": 0.0}, {"A_u": 0.002, "A_v": 0.007}
+        ),
+        ("ped", "col"),
+        ("none",),
+        "predictor",
+    ),
+    (structures.yaw_alone, ("lat", "lon", "col"), IN2, "local"),
 )
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
@@ -114,12 +123,15 @@ def _slope(
     return (high - low) / (_ENDS[1] - _ENDS[0])
 
 
-def law_of_log(log: Blackbox, dump: Mapping[str, str] | None = None) -> of.Rotorflight:
+def law_of_log(
+    log: Blackbox, dump: Mapping[str, str] | None = None, collective: float = 0.0
+) -> of.Rotorflight:
     """Return the law that flew by a log's header, for commands in rad of blade pitch.
 
-    It has no filters of the gyro, as the log's gyro is behind them. What the header lacks beside
-    gains is as in `dump`, as of `read_dump`, or the firmware's default. Raises LogError for another
-    firmware's log, where the header lacks P, I or D, and for a dump of other gains.
+    It has no filters of the gyro, as the log's gyro is behind them; O acts as at a mean
+    `collective`, rad. What the header lacks beside gains is as in `dump`, as of `read_dump`, or the
+    firmware's default. Raises LogError for another firmware's log, where the header lacks P, I or
+    D, and for a dump of other gains.
     """
     header, place = log.header, log.path.name
     if not log.firmware.startswith("Rotorflight") or "mixer[0]" not in log.columns:
@@ -145,13 +157,16 @@ def law_of_log(log: Blackbox, dump: Mapping[str, str] | None = None) -> of.Rotor
             axes[axis] |= zip(
                 ("gyro_cutoff", "d_cutoff", "b_cutoff"), _numbers(log, f"{axis}BW", 2)
             )
+    offsets = _numbers(log, "hsi_gain", 2) if "hsi_gain" in header else ()
+    for axis, gain in zip(("roll", "pitch"), offsets):
+        axes[axis]["o"] = gain
     if "yaw_stop_gain" in header:
         axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), _numbers(log, "yaw_stop_gain", 2))
     return of.Rotorflight(
         roll=of.CyclicRotorflight(**axes["roll"]),
         pitch=of.CyclicRotorflight(**axes["pitch"]),
         yaw=of.YawRotorflight(**axes["yaw"]),
-        collective=of.CollectiveRotorflight(range=1.0),
+        collective=of.CollectiveRotorflight(range=1.0, centre=collective),
         gyro_lowpass=0.0,
     )
 
@@ -203,10 +218,10 @@ def tune_blackbox(
 ) -> LogTuning:
     """Return a Rotorflight helicopter's loops and better gains, from Blackbox logs of its flights.
 
-    Models from the mixer's commands to the gyro are identified with the setpoints as reference, so
-    that feedback and gusts don't bias them; gains and filters are the header's, or those of `dump`,
-    a file of `diff all` on the command line. Better gains are as of `tune_log`. Raises
-    StorageError, LogError, IdentificationError or InputError.
+    Models from the mixer's commands to the gyro are identified so that feedback and gusts don't
+    bias them: yaw with the setpoints as reference, roll and pitch by prediction. Gains and filters
+    are the header's, or those of `dump`, a file of `diff all` on the command line. Better gains are
+    as of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     first = _opened(paths[0])
@@ -229,6 +244,7 @@ def tune_blackbox(
             f"{', '.join(one.name for one in others)}: other gains or filters than in "
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
+    law = law_of_log(first, told, float(np.mean(np.concatenate([one["col"] for one in records]))))
     today = Feedback(law, period, {})
     on_step("vibration")
     heard = blackbox_vibration(first, today.felt)
@@ -294,11 +310,13 @@ def _models(
             if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
         )
 
-    for structure, inputs, outputs, others in _FITS:
+    for own, others, reference, estimator in _FITS:
+        inputs = own.inputs
         if motor_tail and "ped" in inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
-        wanted = InferredFit(structure, inputs, outputs, moving(*others), moving(*IN2), _BAND, "")
+        driven = moving(*reference) or reference
+        wanted = InferredFit(own.name, inputs, own.outputs, moving(*others), driven, _BAND, "")
         words = " and ".join(axis_of(one).word for one in inputs)
         if len(moving(*(one.upper() for one in inputs))) < len(inputs):
             remarks.append(
@@ -307,8 +325,7 @@ def _models(
             )
             continue
         try:
-            (estimate,) = estimate_fits(records, [wanted])
-            own = structures.named(structure)
+            (estimate,) = estimate_fits(records, [wanted], estimator)
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
             if blind := [k for k, x in fit.parameters.items() if math.isinf(x.standard_error)]:
                 raise IdentificationError(f"the flight does not show {', '.join(blind)}")

@@ -1,0 +1,79 @@
+"""Frequency responses from the best prediction of each sample by all before it, without reference.
+
+With y(t) = K_y y + K_u u + e(t) over lags, by least squares, H = (1 - K_y)^-1 K_u (L. Ljung, System
+Identification: Theory for the User, 2nd ed., 1999, ch. 7 and 13). What a gust brings at t can't
+have come back into u before t: feedback by a law, or by a pilot who answers gusts, biases nothing
+as long as the lags are enough to foresee gusts. Lags are single ones, then means over wider ones.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from helisim.ident.local import Local
+from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
+
+_TICK, _MEMORY = 0.45, 4.0  # rad of the band's top between samples; of its lower edge in all lags
+_SINGLE = 5.0  # lags until their means grow wider, by a factor of e in as many
+
+
+class Predictor(Local):
+    """Records, for responses to inputs at (n_freq,) rad/s; a reference adds nothing."""
+
+    def estimate(
+        self,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        others: Sequence[str],
+        reference: Sequence[str],
+    ) -> Estimate:
+        """Return the responses with their errors."""
+        names, n_out, omega = (*outputs, *inputs, *others), len(outputs), self._frequency
+        longest = max(one.sample_time for one in self._records)
+        tick = max(round(_TICK / (omega[-1] * longest)), 1) * longest
+        count = _SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE))
+        edges = np.rint(_SINGLE * np.sinh(np.arange(count + 1.0) / _SINGLE)).astype(np.intp)
+        wide, parts = np.diff(edges), []
+        for one in self._records:
+            size = max(round(tick / one.sample_time), 1)
+            values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
+            mean = values.mean(axis=1) - values.mean(axis=(0, 1))
+            total = np.concatenate([np.zeros((1, len(names))), np.cumsum(mean, axis=0)])
+            at = np.arange(edges[-1], len(mean))
+            before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
+            parts.append(np.hstack([before.reshape(at.size, -1), mean[at, :n_out]]))
+        rows, now = np.split(np.concatenate(parts), [wide.size * len(names)], axis=1)
+        unit = 1.0 / (rows.std(axis=0) + 1e-300)
+        left, size, right = np.linalg.svd(rows * unit, full_matrices=False)
+        root = unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0])
+        rest = now - left @ (left.T @ now)
+        turn = np.exp(-1j * tick * omega)[:, None]
+        lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
+        kernel = np.einsum(
+            "fw,wso->fos", lag, (root @ (left.T @ now)).reshape(wide.size, len(names), n_out)
+        )
+        inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
+        whole = inverse @ kernel[:, :, n_out : n_out + len(inputs)]
+        own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
+        by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
+        weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
+        spectrum = rest.T @ rest * (tick / np.pi / (len(rows) - rows.shape[1]))
+        noise = inverse @ spectrum @ inverse.conj().swapaxes(1, 2)
+        response, first = np.moveaxis(whole, 0, 2), np.zeros(1, dtype=np.intp)
+        still = np.zeros(response.shape)
+        scatter = LocalScatter(
+            frequency=omega,
+            weights=tuple(
+                LineWeights(first, first, one[None, :, None]) for one in weight.astype(np.complex64)
+            ),
+            share=still[None] + 1.0,
+            noise=noise,
+            bias=still,
+            spread=still,
+        )
+        level, power = (
+            np.real(np.diagonal(one, axis1=1, axis2=2)).T for one in (noise, self.spectra(outputs))
+        )
+        return Estimate.stated(
+            response, still + 1.0, np.clip(1.0 - level / power, 0.0, 1.0), scatter
+        )
