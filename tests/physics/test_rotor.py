@@ -178,10 +178,7 @@ def test_drag_of_lift_is_the_sum_over_the_disc(loading, inflow, twist):
 )
 @pytest.mark.parametrize("excess", [0.02, 0.05, 0.1, 0.2])
 def test_drag_of_a_fast_tip_is_the_sum_over_the_disc(advance, within, excess):
-    """13.5 (M - M_dd)^3, within 13 % of Prouty's 21 (M - 0.725)^3.2 from 0.06 to 0.2 above it.
-
-    Of NACA 0012 (chapter 6): torque, and power with the force.
-    """
+    """13.5 (M - M_dd)^3, to 13 % Prouty's 21 (M - 0.725)^3.2 of NACA 0012, 0.06 to 0.2 above."""
     mach, across = (0.8 + excess) / (1.0 + advance), R + advance * SINE
     section = 13.5 * np.maximum(0.0, mach * across - 0.8) ** 3
     torque, drag = rotor.drag_rise(mach, 0.8, advance)

@@ -188,6 +188,13 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, columns,
     assert "yaw_f_gain" not in {one.name for one in yaw.changes}
 
 
+def test_a_loop_that_crosses_over_beyond_its_model_is_no_figure(log, few_draws, monkeypatch):
+    monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_: (2.0, 5.0))
+    (yaw,) = tune_blackbox([str(log)]).axes
+    assert "and the flight tells the model to 4.99; fly for two" in yaw.why
+    assert math.isnan(yaw.today["crossover"].low)
+
+
 def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):
     path = saved(tmp_path, flown(2.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
     lines = path.read_bytes()

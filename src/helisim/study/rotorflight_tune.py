@@ -264,6 +264,15 @@ def tune_blackbox(
     axes = tuned_axes(plant)
     loop = PredictedLoop.of(plants, today)
     stays = {axis: loop.figures(axis) for axis in axes}
+    wrong = {
+        axis: f"it crosses over at {at:.3g} rad/s, and the flight tells the model to {top:.3g}; "
+        + _FLY
+        for fit in fits
+        for axis in fit.structure.inputs
+        for at in [stays[axis]["crossover"].value]
+        for top in [max(to for pair, (_, to) in fit.bands.items() if pair.endswith(f"/{axis}"))]
+        if at > top
+    } | wrong
     on_step("candidates")
     gains, tuned, none = searched(
         plants,
