@@ -11,7 +11,7 @@ import pytest
 from helisim.base.errors import IdentificationError
 from helisim.ident import Fit, Parameter, Structure, identify, structures
 from helisim.ident.evaluate import linear
-from helisim.ident.modes import Mode, modes
+from helisim.ident.modes import Mode, _with_errors, modes
 from ident_data import ROLLPITCH, fitted, of_model
 
 GRID = np.geomspace(0.5, 30.0, 40)
@@ -143,6 +143,10 @@ def test_zeros_at_the_origin_are_exact(name):
     errors = [one.frequency_error for one in found if one.frequency < 1e-9]
     assert errors == [0.0, 0.0]
     assert all(one.separate for one in found if one.frequency < 1e-9)
+    with np.errstate(over="raise"):  # a repeated root has no slope, or, rounded, a huge one
+        steep = np.full((1, 1, 1), 1e200 + 0j)
+        one = _with_errors(Mode(-1.0, 0.0), 0, np.array([-1.0 + 0j]), steep, np.eye(1), np.ones(1))
+    assert math.isinf(one.real_error)
 
 
 def close(a1):

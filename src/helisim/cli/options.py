@@ -290,9 +290,8 @@ how to read the logs:
     and gusts (default: sticks, where they excite; none: the direct method)
 """,
     "estimator": """
---estimator NAME  local polynomial (default), windows (CIFER's composite), predictor (feedback
-    doesn't bias it, without any reference), or, of identify, likelihood (default where all
-    records are shorter than 20 s)
+--estimator NAME  local (default), windows (CIFER's), predictor (needs no reference), or,
+    of identify, likelihood (default where all records are shorter than 20 s)
 """,
 }  # Options that several commands have, and texts below them, by the names that docstrings say
 

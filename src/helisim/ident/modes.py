@@ -313,6 +313,7 @@ def _null_vectors(
         return lefts / np.where(product == 0.0, 1e-300, product)[:, None], rights
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a repeated root
 def _with_errors(
     mode: Mode, k: int, roots: Complex, joins: Complex, covariance: Real, values: Real
 ) -> Mode:
@@ -323,7 +324,7 @@ def _with_errors(
     inside = parts @ known @ parts.T
     # an unseen parameter leaves a root unknown, unless it does not move it
     reach = np.abs(slope) * values > 1e-9 * max(mode.frequency, 1e-9)
-    if bool(np.any(unknown & reach)) or not np.all(np.isfinite(slope)):
+    if bool(np.any(unknown & reach)) or not np.all(np.isfinite(np.hstack([inside, parts]))):
         return Mode(mode.real, mode.imag, math.inf, math.inf if mode.imag else 0.0, 0.0, False)
     real, imag = np.sqrt(np.maximum(np.diagonal(inside), 0.0)).tolist()
     if math.hypot(real, imag) < _ROUNDING * np.max(np.abs(roots)):
