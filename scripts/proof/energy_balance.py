@@ -15,7 +15,7 @@ import common
 import mujoco
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "verification"))
+sys.path.extend(str(Path(__file__).parents[2] / "tests" / one) for one in ("", "verification"))
 import energy
 
 import helisim as hs
