@@ -277,6 +277,20 @@ def test_one_event_of_a_long_log_is_coherent_with_all_and_shows_nothing():
     assert not answers(record, [whole(record, "lat")], {})
 
 
+@pytest.mark.parametrize(("later", "cut"), [(0.0, True), (0.25, True), (1.0, False)])
+def test_a_control_that_moves_as_much_again_moved_in_no_event_alone(tmp_path, later, cut):
+    t, pulses = np.arange(4000) / 50.0, (1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0)
+    own = np.zeros(t.size)
+    for start, size in ((500, 1.0), (1800, later), (3100, later)):
+        own[start : start + 140] = 0.1 * size * np.repeat(pulses, 20)
+    p = lfilter([0.3], [1.0, -np.exp(-0.08)], own)
+    p += 0.02 * np.random.default_rng(0).standard_normal(t.size)
+    table = np.column_stack([t, own, p])
+    header = "t [s],lat [1],p [rad/s]"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="")
+    assert ("--from" in command(look(tmp_path / "a.csv"))) == cut
+
+
 @tabled("heading", "unit", "rate")
 def test_headings_of_many_hands_are_understood(tmp_path, heading, unit, rate):
     found = look(flown(tmp_path / "a.csv", heading=heading))

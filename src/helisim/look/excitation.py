@@ -119,13 +119,16 @@ def excitation(channel: str, time: Real, values: Real) -> FoundExcitation | None
 
 
 def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExcitation | None:
-    """Return all of a control's motion as one excitation of a kind; None if it rests."""
+    """Return all of a control's motion as one excitation, None if it rests.
+
+    It is of the kind of its event where it is one; what moves as much elsewhere is a "motion".
+    """
     time, values = record.time, record[channel] - np.mean(record[channel])
     if _rests(record[channel]):
         return None
-    band = _occupied(record.sample_time, values)
-    amplitude = float(np.quantile(np.abs(values), 0.98))
-    return FoundExcitation(channel, kind, float(time[0]), float(time[-1]), *band, amplitude)
+    one = kind if _events(values) < _LEAST_EVENTS else "motion"
+    sizes = *_occupied(record.sample_time, values), float(np.quantile(np.abs(values), 0.98))
+    return FoundExcitation(channel, one, float(time[0]), float(time[-1]), *sizes)
 
 
 def _rests(values: Real) -> bool:

@@ -157,7 +157,7 @@ def _looked(log: LogLook) -> LogLook:
         kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
         excited = _main(whole(record, one, kinds.get(one, "motion")) for one in there)
         found = answers(record, excited, rates)
-        if found and found[0].input in events:
+        if found and found[0].input in {one.channel for one in excited if one.kind != "motion"}:
             found = tuple(one for one in found if one.input == found[0].input)
             excited = tuple(events.values())
             said.append(_event(events.pop(found[0].input), tuple(events.values())))
