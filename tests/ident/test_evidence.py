@@ -10,7 +10,7 @@ from scipy.signal import chirp, cont2discrete, lfilter
 
 import helisim as hs
 import script
-from helisim.ident.evidence import _cells, _driven, _frozen, _regressed  # noqa: F401  (rows name them)
+from helisim.ident.evidence import _cells, _driven, _filled, _frozen, _regressed  # noqa: F401  (rows name them)
 from helisim.ident.response import opposes
 from ident_data import record
 from tabled import tabled
@@ -150,6 +150,20 @@ def test_an_output_that_was_logged_slower_is_late_by_half_its_step(every, off, c
     found = _frozen([flight], SimpleNamespace(outputs=("p",)), ("lat",))
     said = [list(map(float, NUMBER.findall(one.text))) for one in found]
     assert said == ([[every, pytest.approx(late)]] if late else [])
+
+
+@tabled("filled", "every", "top", "lack")
+def test_a_column_that_lines_fill_lacks_what_they_do_not_reach(filled, every, top, lack):
+    """Columns that are filled alike lack the same."""
+    lat, ticks = swept(40.0), every * np.arange(1 + 4000 // every)
+    columns = {"lat": lat, "p": np.roll(rolled(lat), 7)} | {
+        name: np.interp(np.arange(4000), ticks[ticks < 4000] + shift, y[ticks[ticks < 4000]])
+        for name, shift, y in (("lat", 0, lat), ("p", 2, rolled(lat)))
+        if name in filled.split()
+    }
+    found = list(_filled([record(STEP, **columns)], ("lat", "p"), top))
+    said = [(one.text.split()[0], *map(float, NUMBER.findall(one.text))) for one in found]
+    assert said == ([(filled, every, pytest.approx(lack, rel=0.05))] if lack else [])
 
 
 def noise(*shape, seed=0):

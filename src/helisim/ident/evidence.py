@@ -68,7 +68,7 @@ def evidence(
     """
     inputs = (*frf.inputs, *frf.conditioning)
     with np.errstate(all="ignore"):
-        lost = tuple(_filled(flights, (*inputs, *frf.outputs)))
+        lost = tuple(_filled(flights, (*inputs, *frf.outputs), float(frf.frequency[-1])))
         # straight lines in all channels at once look like noise that goes round a loop
         loop = () if lost else tuple(_feedback(flights, whole, inputs, len(frf.inputs)))
         fed = any(one.kind == "feedback" for one in loop)
@@ -483,24 +483,51 @@ def _driven(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator
             return
 
 
-def _filled(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[Note]:
-    """Yield the share of samples that were filled by straight lines in all channels at once."""
-    lost, total = 0, 0
+def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -> Iterator[Note]:
+    """Yield the share of samples that were filled by straight lines, and columns that were.
+
+    Lines between every k-th sample, T s apart, leave sinc^2(omega T / 2) of a motion, some
+    1 - (omega T)^2 / 12, which is taken for the vehicle's unless all columns have lost as much.
+    """
+    lost, step, total = 0, flights[0].sample_time, sum(map(len, flights))
     for one in flights:
         values = one.select(names)
         size = np.maximum(np.ptp(values, axis=0), 1e-300)
         bend, steps = np.abs(np.diff(values, 2, axis=0)), np.abs(np.diff(values, axis=0)[1:])
-        straight = bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size)
-        moves = np.any(steps > 1e-9 * size, axis=1)
-        lengths = np.diff(stretches(np.all(straight, axis=1) & moves))
+        straight = np.all(bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size), axis=1)
+        lengths = np.diff(stretches(straight & np.any(steps > 1e-9 * size, axis=1)))
         lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
-        total += len(one)
     if lost > _FILLED * total:
         yield Note(
             "lost",
-            f"{100.0 * lost / total:.2g} % of the samples lie on straight lines in all channels: "
-            "they were lost and filled, and nothing between them is known",
+            f"{100.0 * lost / total:.2g} % of the samples lie on straight lines "
+            "in all channels: they were lost and filled, and nothing between them is known",
         )
+    every = {
+        name: max(
+            (
+                k
+                for one in flights
+                for bend in [np.abs(np.diff(one[name], 2))]
+                if np.quantile(bend, 0.25) < (1.0 - _REGULAR) * np.mean(bend)
+                for k in range(2, min(_HELD, bend.size // _HELD))
+                for usual in [np.sort(np.median(bend[: bend.size // k * k].reshape(-1, k), axis=0))]
+                if usual[-2] < (1.0 - _REGULAR) * usual[-1]
+            ),
+            default=1,
+        )
+        for name in names
+    }
+    yield from (
+        Note(
+            "lost",
+            f"{name} is straight between every {k} samples: it was logged slower and filled by "
+            f"lines, which lack {100.0 * min((top * k * step) ** 2 / 12.0, 1.0):.2g} % of it at "
+            "the band's end: leave out what was filled, or end the band lower",
+        )
+        for name, k in every.items()
+        if k > min(every.values()) and (top * k * step) ** 2 > 12.0 * _BENT
+    )
 
 
 def _frozen(
