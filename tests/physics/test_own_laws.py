@@ -19,7 +19,7 @@ from helisim.vehicle import Controller
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.trim import Motion, write_motion
-from tabled import tabled
+from tabled import section, tabled
 
 
 def test_a_law_is_known_until_it_is_released():
@@ -189,13 +189,7 @@ def test_a_manoeuvres_disturbance_is_seen(altered):
 
 HOOKS = ("passive", "control", "act_dyn", "sensor")
 
-PENDULUM = """
-<mujoco><option integrator="{integrator}"/>{size}<worldbody>
-  <body><joint name="a" axis="0 1 0" damping="0.1"/><geom size="0.05" pos="0 0 -0.5"/>
-    <body pos="0 0 -0.5"><joint name="b" axis="1 1 0"/><geom size="0.04" pos="0 0 -0.4"/></body>
-  </body>
-</worldbody><actuator>{actuator}</actuator>{sensor}</mujoco>
-"""
+PENDULUM = section(globals(), "PENDULUM")
 
 USER = '<general joint="a" dyntype="user" actdim="2"'
 

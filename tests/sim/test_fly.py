@@ -19,7 +19,7 @@ from helisim.sim.limits import FlightEnvelope
 from helisim.sim.plan import RecordGap, SampleLoss, ServoStuck
 from helisim.sim.recorder import read_trajectory
 from helisim.vehicle import load
-from tabled import tabled
+from tabled import section, tabled
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 NO_REMNANT = Pilot(remnant=0.0)
@@ -72,14 +72,7 @@ def test_flight_that_stopped_is_refused(jr700):
 
 # A seed gives the same bytes of a record in any process, with any threads, installed anywhere
 
-SCRIPT = """
-import sys
-import helisim as hs
-doublet = hs.Doublet(axis="lat", duration=8.0)
-for k, record in enumerate(hs.fly(hs.load(), doublet, count=2, seed=2**40, jobs=int(sys.argv[2]))):
-    for suffix in ("parquet", "csv"):
-        hs.write_record(record, f"{sys.argv[1]}/{k}.{suffix}")
-"""
+SCRIPT = section(globals(), "SCRIPT")
 
 
 @pytest.mark.slow

@@ -118,8 +118,7 @@ SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["yaw", "dutch", *(pytest.param(k, marks=SLOW) for k in ("ship", "rollpitch", "heave"))],
+    "name", ["yaw", "dutch", *(pytest.param(k, marks=SLOW) for k in ("ship", "rollpitch", "heave"))]
 )
 def test_a_clean_flight_is_sound_and_right(name):
     found = verdicts.judged(verdicts.TRUTHS[name], verdicts.flights(verdicts.TRUTHS[name], 5))

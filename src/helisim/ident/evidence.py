@@ -495,29 +495,18 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -
         size = np.maximum(np.ptp(values, axis=0), 1e-300)
         bend, steps = np.abs(np.diff(values, 2, axis=0)), np.abs(np.diff(values, axis=0)[1:])
         straight = np.all(bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size), axis=1)
-        lengths = np.diff(stretches(straight & np.any(steps > 1e-9 * size, axis=1)))
-        lost += int(np.sum(lengths[lengths >= _STRAIGHT]))
+        lost += sum(
+            int(last - first)
+            for first, last in stretches(straight & np.any(steps > 1e-9 * size, axis=1))
+            if last - first >= _STRAIGHT
+        )
     if lost > _FILLED * total:
         yield Note(
             "lost",
             f"{100.0 * lost / total:.2g} % of the samples lie on straight lines "
             "in all channels: they were lost and filled, and nothing between them is known",
         )
-    every = {
-        name: max(
-            (
-                k
-                for one in flights
-                for bend in [np.abs(np.diff(one[name], 2))]
-                if np.quantile(bend, 0.25) < (1.0 - _REGULAR) * np.mean(bend)
-                for k in range(2, min(_HELD, bend.size // _HELD))
-                for usual in [np.sort(np.median(bend[: bend.size // k * k].reshape(-1, k), axis=0))]
-                if usual[-2] < (1.0 - _REGULAR) * usual[-1]
-            ),
-            default=1,
-        )
-        for name in names
-    }
+    every = {name: max(_between_bends(one[name]) for one in flights) for name in names}
     yield from (
         Note(
             "lost",
@@ -528,6 +517,21 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -
         for name, k in every.items()
         if k > min(every.values()) and (top * k * step) ** 2 > 12.0 * _BENT
     )
+
+
+def _between_bends(values: Real) -> int:
+    """Return at every how many samples a column, (n_time,), bends; 1 if it bends anywhere."""
+    bend = np.abs(np.diff(values, 2))
+    by_place = (  # none of an ordinary column, of which more than half bends
+        (k, np.sort(np.median(bend[: bend.size // k * k].reshape(-1, k), axis=0)))
+        for k in range(
+            2,
+            min(_HELD, bend.size // _HELD)
+            if np.quantile(bend, 0.45) < (1.0 - _REGULAR) * np.mean(bend)
+            else 0,
+        )
+    )
+    return max((k for k, one in by_place if one[-2] < (1.0 - _REGULAR) * one[-1]), default=1)
 
 
 def _frozen(

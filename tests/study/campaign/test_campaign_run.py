@@ -18,7 +18,7 @@ from helisim.study.comparison import identify_model
 from helisim.study.models import HEAVE
 from helisim.study.replicates import read_dataset, run_campaign
 from helisim.study.truth import true_values
-from tabled import tabled
+from tabled import section, tabled
 
 PLAN = Path(__file__).with_name("heave_plan.toml").read_text(encoding="utf-8")
 ROWS = 2 * 2 * 2 * 3  # points, methods, numbers of flights, parameters
@@ -111,15 +111,7 @@ def test_another_campaign_in_the_folder_is_refused(tmp_path, whole, place):
 
 @tabled("setting", "reason")
 def test_a_replicate_that_fails_says_why(tmp_path, setting, reason):
-    text = f"""
-[campaign]
-models = ["heave"]
-flights = 1
-[set.sweep]
-trim_time = 0.5
-[vary]
-{setting}
-"""
+    text = f"{section(globals(), 'FAILS')}\n{setting}"
     table, _ = read_dataset(run_campaign(plan(text), tmp_path, executor=here))
     rows = table.to_pylist()
     assert [row["parameter"] for row in rows] == ["Z_w", "Z_col", "tau_col"] * 2
@@ -133,14 +125,7 @@ trim_time = 0.5
 
 @pytest.mark.slow
 def test_doubts_are_kept_with_the_estimate(tmp_path, recwarn):
-    text = """
-[campaign]
-models = ["yaw_base"]
-flights = 1
-[set.sweep]
-duration = 30
-leakage = 1.0
-"""
+    text = section(globals(), "DOUBTS")
     table, _ = read_dataset(run_campaign(plan(text), tmp_path, executor=here))
     assert {"cross-control" in row["flags"] for row in table.to_pylist()} == {True}
     assert not list(recwarn)
