@@ -94,8 +94,12 @@ def _axis(criterion: Criterion, figure: str, shown: Sequence[Shown]) -> _Axis:
     reach = 2.0 * (high - low)
     start = max(low - reach, 0.0) if low >= 0.0 else low - reach
     known = [x for x in (one.figures[figure] for one in shown) if np.isfinite(x)]
-    low, high = min([start, *known]), max([high + reach, *known])
-    return _Axis(figure, criterion.units[figure], limit.spans(), low, high)
+    # beyond the levels by a little more, so that no marker lies on the frame
+    ends = (
+        min([start, *(x - 0.1 * reach for x in known if x < start)]),
+        max([high + reach, *(x + 0.1 * reach for x in known if x > high + reach)]),
+    )
+    return _Axis(figure, criterion.units[figure], limit.spans(), *ends)
 
 
 def draw_chart(
