@@ -520,7 +520,7 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -
 
 
 def _between_bends(values: Real) -> int:
-    """Return at every how many samples a column, (n_time,), bends; 1 if it bends anywhere."""
+    """Return the samples from bend to bend of a column, (n_time,); 1 if it bends anywhere."""
     bend = np.abs(np.diff(values, 2))
     by_place = (  # none of an ordinary column, of which more than half bends
         (k, np.sort(np.median(bend[: bend.size // k * k].reshape(-1, k), axis=0)))

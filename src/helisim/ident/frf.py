@@ -27,7 +27,7 @@ from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import STICKS, Channel, FlightRecord, one_blas_thread
 
 POINTS_PER_DECADE = 80  # of the frequency grid; fits use 20 points of a response
-# _OF_A_LOOP: kinds of evidence that say nothing against a predictor
+# _OF_A_LOOP: what feedback shows in records, which biases no predictor
 ESTIMATORS, _OF_A_LOOP = ("local", "windows", "predictor"), ("feedback", "varying")
 CROSS_CONTROL_LIMIT = 0.5
 """Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
