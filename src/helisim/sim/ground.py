@@ -280,11 +280,11 @@ class Outline(NamedTuple):
         """
         phi, theta = attitudes[:, 0], attitudes[:, 1]
         level = np.cos(theta)
-        down = np.column_stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)])
-        lowest = (down @ self.points.T + self.radii).max(axis=1)
+        down = np.array([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)])
+        lowest = (self.points @ down + self.radii[:, None]).max(axis=0)
         for centre, axis, radius in self.discs:
-            rim = radius * np.sqrt(np.maximum(0.0, 1.0 - (down @ axis) ** 2))
-            lowest = np.maximum(lowest, down @ centre + rim)
+            rim = radius * np.sqrt(np.maximum(0.0, 1.0 - (axis @ down) ** 2))
+            lowest = np.maximum(lowest, centre @ down + rim)
         return -positions[:, 2] - lowest < least
 
 

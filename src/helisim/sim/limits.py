@@ -157,7 +157,7 @@ class Limits:
         ):
             if (own := getattr(limit, name)) is not None:
                 shown = own if name == "advance" else own * most
-                beyond = (np.abs(size).max(axis=1) > own * most) & counts
+                beyond = (np.abs(size.T, order="C").max(axis=0) > own * most) & counts
                 yield name, how.format(f"{shown:.3g}", own), beyond
 
 

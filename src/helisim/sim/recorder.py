@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -239,7 +240,7 @@ def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tuple[int, str]:
     """Return how many sound samples, (n_step, nsensordata), there are, and how they end."""
     time = sensordata[:, model.sensor("clock").adr[0]]
-    finite = np.isfinite(sensordata).all(axis=1)
+    finite = np.isfinite(sensordata @ np.ones(model.nsensordata))
     if not finite.all():
         first = int(np.argmin(finite))
         return first, f"the flight has no finite state from {first * model.opt.timestep:.2f} s"
@@ -340,16 +341,28 @@ class Recorder(Brief):
         sampling = _Sampling(self, flight, rng)
         columns = sampling.inputs() | sampling.motion()
         own = {ROTOR_SPEED: flight.rotor_speed, BATTERY: flight.battery, LOAD: flight.load}
-        true = {names: source(flight) for names, source in _TRUE.items() if self.rotor}
-        if flight.ground is None:
-            true.pop(CONTACT, None)
+        true = {
+            names: source(flight)
+            for names, source in _TRUE.items()
+            if self.rotor and (names != CONTACT or flight.ground is not None)
+        }
         for names, signals in (own | true).items():
             if signals is not None:
                 columns |= sampling.recorded(names, signals)
         columns |= sampling.injected(columns)
         kept = tuple(one for name, one in CHANNELS.items() if name in columns)
-        values = np.column_stack([columns[one.name] for one in kept])
-        return FlightRecord(sampling.time, values, kept, provenance)
+        return FlightRecord(
+            sampling.time, np.column_stack([columns[one.name] for one in kept]), kept, provenance
+        )
+
+
+@cache
+def _lowpass(corner_hz: float, rate_hz: float) -> tuple[Real, Real] | None:
+    """Return a filter's sections and their rest at 1, None for a corner that no sample shows."""
+    if corner_hz >= 0.5 * rate_hz:
+        return None
+    sections = butter(4, corner_hz, fs=rate_hz, output="sos")
+    return sections, sosfilt_zi(sections)
 
 
 class _Sampling:
@@ -357,9 +370,7 @@ class _Sampling:
         self.recorder, self.flight, self.rng = recorder, flight, rng
         count = int(np.floor((flight.time[-1] - flight.time[0]) * recorder.rate_hz + 1e-6)) + 1
         self.time = flight.time[0] + np.arange(count) / recorder.rate_hz
-        rate_hz, corner = 1.0 / flight.timestep, recorder.antialias_hz
-        passes = corner >= 0.5 * rate_hz
-        self._sos = None if passes else butter(4, corner, fs=rate_hz, output="sos")
+        self._antialias = _lowpass(recorder.antialias_hz, 1.0 / flight.timestep)
 
     def inputs(self) -> dict[str, Real]:
         flight = self.flight
@@ -395,8 +406,9 @@ class _Sampling:
             found[ACCELERATIONS] = found[ACCELERATIONS] - (
                 np.cross(spin, arm) + np.cross(rates, turning)
             )
-            earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
-            found[POSITIONS] = found[POSITIONS] - earth.apply(arm)
+            for axis, angle in zip("XYZ", attitudes.T):  # ten times as fast as all at once
+                arm = Rotation.from_euler(axis, angle[:, None]).apply(arm)
+            found[POSITIONS] = found[POSITIONS] - arm
         return {
             name: self.rounded(name, signal)
             for names in _MOTION
@@ -432,10 +444,10 @@ class _Sampling:
         }
 
     def filtered(self, signals: Real) -> Real:
-        if self._sos is None:
+        if self._antialias is None:
             return signals
-        start = sosfilt_zi(self._sos)[:, :, None] * signals[0]
-        return sosfilt(self._sos, signals, axis=0, zi=start)[0]
+        sections, start = self._antialias
+        return sosfilt(sections, signals, axis=0, zi=start[:, :, None] * signals[0])[0]
 
     def sampled(self, signal: Real, late_as: str | None) -> Real:
         latency = 0.0 if late_as is None else self.recorder.late(late_as)
