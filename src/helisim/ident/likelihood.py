@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.linalg import eigvals
 
 from helisim.base.arrays import Complex, Real
@@ -39,6 +38,7 @@ from helisim.ident.frf import (
     flight_span,
     flights_of,
 )
+from helisim.ident.local_fit import transform
 from helisim.ident.rational import delay_grid
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
@@ -160,11 +160,9 @@ def _transforms(flights: Sequence[FlightRecord], structure: Structure, band: Ban
     found = []
     for number, one in enumerate(flights):
         columns, step = one.select(names), one.sample_time
-        # the trapezoidal rule; a signal linear between its samples has sinc^2 of its spectrum
-        # over the root of the noise's power in a line, which grows with length and sample interval
-        rows = math.sqrt(step / one.duration) * (
-            fft.rfft(columns[:-1], axis=0) + 0.5 * (columns[-1] - columns[0])
-        )
+        # over the root of the noise's power in a line, which grows with length and sample interval;
+        # a signal linear between its samples has sinc^2 of its spectrum
+        rows = math.sqrt(step / one.duration) * transform(columns)
         omega = np.arange(len(rows), dtype=np.float64) * (2.0 * np.pi / one.duration)
         kept = within(omega, band) & (omega > 0.0)
         rows[:, :n_in] *= np.sinc(omega * step / (2.0 * np.pi))[:, None] ** 2

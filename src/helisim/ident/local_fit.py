@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander
 from numpy.typing import NDArray
 from scipy import fft
 
@@ -18,7 +19,7 @@ from helisim.records.record import FlightRecord
 
 ORDER = 2  # Order of the response's polynomial (Pintelon and Schoukens take 2, too)
 TRANSIENT = 3  # Terms of a transient: 1/w, 1 and w
-_SINGULAR = 1e-8  # least eigenvalue of the scaled normal matrix; sweeps have 1e-3 and more
+_SINGULAR = 3e-5  # least eigenvalue of the scaled normal matrix; sweeps have 1e-4 and more
 _WORTH = 5.0  # a pole is estimated where it takes so much off chi^2; chance takes 1 at most
 _NEAREST = 0.5  # lines between a pole and the frequency axis at least
 _FURTHEST = 10.0  # half widths between a pole and the middle at most: beyond, it is none
@@ -61,16 +62,24 @@ class Lines:
         return total[flight, first + count] - total[flight, first], count
 
 
+def transform(columns: Real) -> Complex:
+    """Return the transform of a record, (n_time, n_signal), over its step, (n_line, n_signal).
+
+    It is by the trapezoidal rule: lines are 2 pi / T apart, T from the first sample to the last.
+    """
+    return np.asarray(fft.rfft(columns[:-1], axis=0)) + 0.5 * (columns[-1] - columns[0])
+
+
 def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest: float) -> Lines:
     """Return the lines of records' signals less their means, up to `highest`, rad/s."""
-    spacing = np.array([2.0 * np.pi / (len(one) * one.sample_time) for one in records])
+    spacing = np.array([2.0 * np.pi / one.duration for one in records])
     each = []
     for record, step in zip(records, spacing):
         columns = record.select(names)
-        lines = fft.rfft(columns - columns.mean(axis=0), axis=0)
         # the line at half the sampling rate is not one-sided
-        most = min((len(record) - 1) // 2, int(highest / step) + 1) + 1
-        each.append(np.asarray(lines[:most]) * (record.sample_time * np.sqrt(step / np.pi)))
+        most = min(len(record) // 2 - 1, int(highest / step) + 1) + 1
+        lines = transform(columns - columns.mean(axis=0))[:most]
+        each.append(lines * (record.sample_time * np.sqrt(step / np.pi)))
     count = np.array([one.shape[0] for one in each], dtype=np.intp)
     values = np.zeros((len(each), int(count.max()), len(names)), dtype=np.complex128)
     for flight, one in enumerate(each):
@@ -164,8 +173,8 @@ class _Solved:
     (n_freq, n_row, n_column), `solution` (n_freq, n_column, n_response).
     """
 
-    over: Complex
-    basis: Complex | None
+    over: NDArray
+    basis: NDArray | None
     design: Complex
     every: Complex
     solution: Complex
@@ -193,13 +202,13 @@ def _gather(
     values = lines.values[flight, np.minimum(index, lines.values.shape[1] - 1)] * root[..., None]
     ratio = np.where(inside, omega / frequency[:, None, None], 1.0)
     octaves = np.log(ratio) / np.log1p(np.minimum(half / frequency, 1.0))[:, None, None]
-    terms = octaves[..., None] ** np.arange(ORDER + 1)
+    terms = np.asarray(polyvander(octaves, ORDER), np.float64)
     return _Band(first, root, ratio, offset, terms, values[..., drive], values[..., response])
 
 
 def _solve(band: _Band, pole: Complex | None, *, transient: bool) -> _Solved:
     n_freq = band.root.shape[0]
-    over = np.ones(band.root.shape, dtype=np.complex128)
+    over: NDArray = np.ones(band.root.shape)  # real where it can be: half of the work
     if pole is not None:
         over = 1.0 / (1.0 - band.offset / pole[:, None, None])
     design = (band.terms * over[..., None])[..., :, None] * band.left[..., None, :]
@@ -239,7 +248,7 @@ def _solve(band: _Band, pole: Complex | None, *, transient: bool) -> _Solved:
     )
 
 
-def _without(basis: Complex | None, values: Complex) -> Complex:
+def _without(basis: NDArray | None, values: Complex) -> Complex:
     """Return values, (n_freq, n_row, n), less their part in each flight's basis."""
     if basis is None:
         return values
@@ -247,9 +256,9 @@ def _without(basis: Complex | None, values: Complex) -> Complex:
     return (apart - basis @ (basis.conj().swapaxes(2, 3) @ apart)).reshape(values.shape)
 
 
-def _orthonormal(offset: Real, root: Complex) -> Complex:
+def _orthonormal(offset: Real, root: NDArray) -> NDArray:
     """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT); or zeros."""
-    terms: list[Complex] = []
+    terms: list[NDArray] = []
     for power in range(TRANSIENT):
         term = root * offset**power
         size = np.linalg.norm(term, axis=2, keepdims=True)
