@@ -395,9 +395,7 @@ def _unwrapped(samples: Samples, findings: Findings) -> Samples:
         if turns.size and channel.unit == "rad":
             values[known, k] = np.unwrap(values[known, k])
             rows = tuple(samples.rows[known[turns + 1]].tolist())
-            text = (
-                f"column {heading!r}: steps by a full turn {turns.size} times, as angles do that "
-                f"pass their end, the first in {samples.counts} {rows[0]}; made continuous"
+            findings.note(
+                *("angle wraps", f"column {heading!r}: unwrapped"), turns.size, rows, repaired=True
             )
-            findings.note("angle wraps", text, turns.size, rows, repaired=True)
     return replace(samples, values=values)
