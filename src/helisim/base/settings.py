@@ -37,6 +37,14 @@ Key = TypeVar("Key")
 Item = TypeVar("Item")
 
 
+def grouped(items: Iterable[Item], by: Callable[[Item], Key]) -> dict[Key, list[Item]]:
+    """Return items by what `by` returns of them, in their order."""
+    found: dict[Key, list[Item]] = {}
+    for one in items:
+        found.setdefault(by(one), []).append(one)
+    return found
+
+
 class FrozenMap(Mapping[Key, Item]):
     """An immutable, hashable mapping."""
 

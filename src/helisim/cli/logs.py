@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import IdentificationError, InputError
+from helisim.base.settings import grouped
 from helisim.cli.options import (
     Options,
     names,
@@ -23,7 +24,7 @@ from helisim.cli.options import (
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
-    from helisim.logs import Log, Map
+    from helisim.logs import Log, LogReport, Map
     from helisim.look import Proposal
     from helisim.records.record import FlightRecord
 
@@ -84,13 +85,13 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
         text = str(error)
         places = [log.where(name) for log in logs for name in log.headings if repr(name) in text]
         if not places:
-            rows: dict[str, list[str]] = {}  # by file: its path is said once
-            for log in logs:
-                one = log.report
-                span = f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
-                rows.setdefault(str(one.path), []).append(span)
-            places = [f"{path}, {', '.join(spans)}" for path, spans in rows.items()]
+            files = grouped((log.report for log in logs), lambda one: str(one.path))
+            places = [f"{path}, {', '.join(map(_span, mine))}" for path, mine in files.items()]
         raise IdentificationError(f"{'; '.join(places)}: {text}", remedy=error.remedy) from None
+
+
+def _span(one: "LogReport") -> str:
+    return f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
 
 
 def describe(logs: "Sequence[Log]") -> str:

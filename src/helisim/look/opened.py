@@ -9,7 +9,7 @@ import numpy as np
 
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.note import Option
-from helisim.base.settings import setting, to_plain
+from helisim.base.settings import grouped, setting, to_plain
 from helisim.logs.mapping import REPAIRS, Clock, Map, own_column
 from helisim.logs.read import is_ours, open_source, read_as
 from helisim.logs.report import OURS, Findings, LogFinding
@@ -75,9 +75,7 @@ class LogLook:
         parts = f" in {len(self.records)} parts" if len(self.records) > 1 else ""
         ours = [one.name for one in self.channels if one.why == AS_RECORDED]
         more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
-        found: dict[str, list[str]] = {}
-        for one in self.answers:
-            found.setdefault(one.input, []).append(str(one))
+        found = grouped(self.answers, lambda one: one.input)
         lines = [
             f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used",
             *map(str, self.clocks),
@@ -86,7 +84,8 @@ class LogLook:
             *([f"not used: {', '.join(self.unused[:_SHOWN])}{more}"] if self.unused else ()),
             *map(str, (*self.sweeps, *self.excitations)),
             *(
-                f"coherent with {control}, rad/s (mean coherence): {', '.join(mine[:_BEST])}"
+                f"coherent with {control}, rad/s (mean coherence): "
+                f"{', '.join(map(str, mine[:_BEST]))}"
                 for control, mine in found.items()
             ),
             *(

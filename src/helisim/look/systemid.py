@@ -14,7 +14,7 @@ import numpy as np
 from helisim.base.arrays import Real
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
-from helisim.base.settings import FrozenMap, to_plain
+from helisim.base.settings import FrozenMap, grouped, to_plain
 from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.ident import FrequencyResponse, Structure, identify
 from helisim.ident.conditions import Conditions
@@ -234,9 +234,7 @@ class Inferred:
     @property
     def bands(self) -> dict[str, Band]:
         """Control -> the band in which it was swept, rad/s."""
-        swept: dict[str, list[FlownSweep]] = {}
-        for one in self.used:
-            swept.setdefault(one.sid_axis.control, []).append(one)
+        swept = grouped(self.used, lambda one: one.sid_axis.control)
         return {
             name: (min(one.low for one in of), max(one.high for one in of))
             for name, of in swept.items()

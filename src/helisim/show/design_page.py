@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from helisim.design.design import DesignResult
+from helisim.base.settings import grouped
+from helisim.design.design import DesignResult, Judged
 from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse
 from helisim.handling.spec import specs_to_toml
 from helisim.show import page, tables
@@ -94,13 +95,14 @@ def _summary(result: DesignResult, proof: "Proof | None") -> str:
 
 def _criteria(result: DesignResult, proof: "Proof | None") -> str:
     compared = {} if proof is None else {chart_name(r.spec.criterion): r for r in proof.table}
-    found: dict[str, list[Drawing]] = {}
-    for one in result.judged:
+    found = grouped(result.judged, lambda one: one.nominal.criterion.axis)
+
+    def drawn(one: Judged) -> Drawing:
         criterion = one.nominal.criterion
-        flown = compared.get(chart_name(criterion))
         words = f"{_ASKED[one.spec.kind]}. Level 1 in {100.0 * one.share:.3g} % of the models"
-        drawn = draw_judged(one, _proved(flown), f"{words} drawn. {criterion.source}")
-        found.setdefault(criterion.axis, []).append(drawn)
+        flown = _proved(compared.get(chart_name(criterion)))
+        return draw_judged(one, flown, f"{words} drawn. {criterion.source}")
+
     lead = (
         "Grey squares: the law before, in the identified model. Rings: the designed law, predicted "
         "by the identified model, in a cloud of the models that its records leave possible. "
@@ -108,7 +110,7 @@ def _criteria(result: DesignResult, proof: "Proof | None") -> str:
         "intervals."
     )
     blocks = (
-        page.heading(BY_NAME[axis].word.capitalize()) + page.figures(found[axis])
+        page.heading(BY_NAME[axis].word.capitalize()) + page.figures(map(drawn, found[axis]))
         for axis in BY_NAME
         if axis in found
     )

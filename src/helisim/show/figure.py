@@ -174,8 +174,10 @@ class Drawing:
             parts += [*above, *_panel(panel, across, left, top, self.used)]
             top += panel.height + _GAP
         width, bottom = WIDTH - left - _RIGHT, top - _GAP
-        for share, text in zip(across.share(across.ticks), across.texts):
-            parts.append(text_at(left + share * width, bottom + 13.0, text, "middle"))
+        parts += [
+            text_at(left + share * width, bottom + 13.0, text, "middle")
+            for share, text in zip(across.share(across.ticks), across.texts)
+        ]
         parts.append(text_at(left + 0.5 * width, bottom + 28.0, self.axis, "middle ink"))
         shapes, height = "\n".join(parts), bottom + _BELOW
         return (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.arrays import Complex, Real
+from helisim.base.settings import grouped
 from helisim.base.units import decibel
 from helisim.ident import USABLE_COHERENCE, Fit, FrequencyResponse, Verification
 from helisim.ident.verification import Trace
@@ -221,12 +222,13 @@ def draw_over_time(name: str, title: str, histories: Mapping[str, tuple[Real, Re
 
 def families(record: FlightRecord, channels: Sequence[str]) -> dict[tuple[str, str], list[str]]:
     """Return channels by kind and unit; one in another unit than usual is a kind of its own."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for one in channels:
+
+    def family(one: str) -> tuple[str, str]:
         standard = one in CHANNELS and CHANNELS[one].unit == record.unit(one)
-        family = next((name for some, name in _FAMILIES if standard and one in some), one)
-        groups.setdefault((family, record.unit(one)), []).append(one)
-    return groups
+        named = (name for some, name in _FAMILIES if standard and one in some)
+        return next(named, one), record.unit(one)
+
+    return grouped(channels, family)
 
 
 def draw_compared(

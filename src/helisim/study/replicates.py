@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, InputError, StorageError, WorkerError, check_known
 from helisim.base.files import atomic_write, make_folder, parse_object, read_bytes
+from helisim.base.settings import grouped
 from helisim.design.exact import air_met
 from helisim.ident import ClosedLoopWarning, CrossControlWarning
 from helisim.records.record import (
@@ -304,14 +305,15 @@ def summarise(table: pa.Table, *, by: Sequence[str] = ()) -> list[Summary]:
     Methods and numbers of flights are never mixed. Raises UnknownNameError for no such column.
     """
     check_known("column", by, table.column_names)
-    grouped = list(dict.fromkeys([*by, "flights", "method"]))
-    groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
-    for row in table.to_pylist():
-        values = (row[name] for name in (*grouped, "model", "parameter"))
-        key = tuple(tuple(value) if isinstance(value, list) else value for value in values)
-        groups.setdefault(key, []).append(row)
+    columns = list(dict.fromkeys([*by, "flights", "method"]))
+
+    def key(row: dict[str, Any]) -> tuple[Any, ...]:
+        values = (row[name] for name in (*columns, "model", "parameter"))
+        return tuple(tuple(value) if isinstance(value, list) else value for value in values)
+
     return [
-        _summary(dict(zip(grouped, key)), key[-2], key[-1], rows) for key, rows in groups.items()
+        _summary(dict(zip(columns, its)), its[-2], its[-1], rows)
+        for its, rows in grouped(table.to_pylist(), key).items()
     ]
 
 
