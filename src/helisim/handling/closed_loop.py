@@ -81,13 +81,15 @@ class ClosedLoop:
 
     def disturbance(self, axis: str, place: str = "sensors") -> Curve:
         """Return the sensed angle over a disturbance of it, at "attitude" of that without rate."""
-        moved = self._moved(self._commanded(place, axis), axis_of(axis).angle)
-        return Curve(self.frequency, 1.0 + moved)
+        given = self._commanded(place, axis)
+        return Curve(self.frequency, 1.0 + self._moved(given, axis_of(axis).angle))
 
     def command(self, axis: str, output: str | None = None) -> Curve:
         """Return an output over the axis's stick."""
-        given = self._commanded("sticks", axis)
-        return Curve(self.frequency, self._moved(given, output or axis_of(axis).angle))
+        return Curve(
+            self.frequency,
+            self._moved(self._commanded("sticks", axis), output or axis_of(axis).angle),
+        )
 
     def turned(self, axis: str, by: str) -> Curve:
         """Return the axis's angle over what is added to a servo command."""
@@ -97,8 +99,7 @@ class ClosedLoop:
 
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the axis's servo command over its stick or its disturbance."""
-        given = self._commanded("sticks" if by == "stick" else "sensors", axis)
-        return Curve(self.frequency, given[:, self._place(axis)])
+        return self.reached("sticks" if by == "stick" else "sensors", axis)[axis_of(axis).name]
 
     def reached(self, place: str, axis: str) -> dict[str, Curve]:
         """Return responses to what is added at a place, by channel.

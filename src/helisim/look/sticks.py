@@ -122,7 +122,7 @@ def _records(log: DataFlash) -> list[tuple[float, FlightRecord]]:
         aims.append(np.gradient(_mean(*line(aim.time, np.radians(asked)), edges), period))
     moves = np.any([np.abs(one) > _MOVES * np.abs(one).max(initial=1e-9) for one in aims], axis=0)
     near = np.convolve(moves, np.ones(2 * round(_AROUND / period) + 1), "same") > 0.5
-    used = near & _flies(log, time) & ~in_gaps(np.unique(rate.time), time, period)
+    used = near & flies(log, time) & ~in_gaps(np.unique(rate.time), time, period)
     names = (*COMMANDS, *RATES, *(STICKS[one] for one in COMMANDS))
     channels = tuple(Channel(name, "1", "OTHER") for name in names)
     columns = np.column_stack([*sent, *turned, *aims])
@@ -145,7 +145,7 @@ def _mean(stamps: Real, values: Real, edges: Real) -> Real:
     return np.diff(np.interp(edges, stamps, np.append(0.0, np.cumsum(steps)))) / np.diff(edges)
 
 
-def _flies(log: DataFlash, time: Real) -> NDArray[np.bool_]:
+def flies(log: DataFlash, time: Real) -> NDArray[np.bool_]:
     """Return whether it flew at times, (n_time,) s since power-on, by what the autopilot said."""
     states = told_states(log)
     if not states:

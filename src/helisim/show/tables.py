@@ -155,11 +155,10 @@ def errata(found: Sequence[Erratum]) -> Table:
 def overall(found: OverallCheck) -> Table:
     """Return eq. (8) as printed, from the parts, and identified directly."""
     low, high = found.band_rad_s
-    rows = []
-    for one in found.coefficients:
-        values = (one.paper, one.parts, one.direct)
-        texts = numbers(values, common_form(values, digits=5))
-        rows.append((one.name, one.unit, *texts, number(one.difference_percent, "+.2f")))
+
+    def texts(*values: float) -> tuple[str, ...]:
+        return numbers(values, common_form(values, digits=5))
+
     note = (
         f"Largest differences from {low:.3g} to {high:.3g} rad/s: {found.gain_db:+.2f} dB "
         f"at {found.gain_at_rad_s:.3g} rad/s, {found.phase_deg:+.1f} degrees at "
@@ -168,7 +167,13 @@ def overall(found: OverallCheck) -> Table:
     return table(
         "Eq. (8) by eq. (5) from base, gyro and ground tests, beside the one identified",
         "coefficient<|unit<|paper|from parts|direct|difference %",
-        rows,
+        (
+            (
+                *(one.name, one.unit, *texts(one.paper, one.parts, one.direct)),
+                number(one.difference_percent, "+.2f"),
+            )
+            for one in found.coefficients
+        ),
         notes=[("", note)],
     )
 
@@ -330,12 +335,20 @@ def channels(record: FlightRecord) -> Table:
 
 def measured_margins(found: MeasuredMargins) -> Table:
     """Return figures of a measured loop with intervals, in degrees, dB and SI."""
-    rows = []
-    for one in found.figures:
-        value, low, high = one.interval.value, one.interval.low, one.interval.high
-        texts = numbers((value, low, high), interval_form(high - low, ".4g"))
-        rows.append((one.axis, one.at, one.name.replace("_", " "), *texts, one.unit))
-    return table("Measured", "axis<|cut at<|figure<|value|95 % from|to|unit<", rows)
+    return table(
+        "Measured",
+        "axis<|cut at<|figure<|value|95 % from|to|unit<",
+        (
+            (*(one.axis, one.at, one.name.replace("_", " ")), *_three(one.interval), one.unit)
+            for one in found.figures
+        ),
+    )
+
+
+def _three(found: Interval, usual: str = ".4g") -> tuple[str, ...]:
+    """Return an interval's value and ends."""
+    form = interval_form(found.high - found.low, usual)
+    return numbers((found.value, found.low, found.high), form)
 
 
 def tuning(shown: AxisTuning) -> Table:
@@ -350,8 +363,8 @@ def tuning(shown: AxisTuning) -> Table:
     ]
     title, source = axis_of(shown.axis).word.capitalize(), "as flown" if shown.flown else "by model"
     said = (
-        f"the gyro's noise moves the command {shown.noise:.2g} times as much as today, and gusts "
-        f"the attitude {shown.gusts:.2g} times"
+        f"the gyro's noise moves the command {shown.noise:.3g} times as much as today, and in "
+        f"gusts the attitude errs {shown.gusts:.3g} times as much"
     )
     return table(
         title,
@@ -366,11 +379,8 @@ def _within(found: Interval | None) -> str:
         return "-"
     if not isfinite(found.high - found.low):
         return f"about {found.value:.2g}" if isnan(found.low) else "-"
-    form = interval_form(found.high - found.low)
-    if found.low == found.high:
-        return number(found.value, form)
-    value, low, high = numbers((found.value, found.low, found.high), form)
-    return f"{value} ({low}-{high})"
+    value, low, high = _three(found, ".3g")
+    return value if found.low == found.high else f"{value} ({low}-{high})"
 
 
 _WHEN = " deg today", " with notches"

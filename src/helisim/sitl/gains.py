@@ -1,7 +1,7 @@
 """ArduCopter's gains for a helicopter, from linear models: FF holds a rate, I is half of FF + P.
 
 P, D and the attitude's gain reject disturbances up to the highest frequency, for little noise,
-within the margins of every model.
+within the margins of every model. Beside gains that fly, FF may be any between theirs and that.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -59,10 +59,11 @@ _SOME = 37  # Gains of the grid of which one is taken to tell how stable a vehic
 class Required(NamedTuple):
     """Least gain margin, dB, and phase margin, rad; highest peak of |S|, dB, and most noise.
 
-    Noise is the rms of the command over that of white noise of the gyro, of full command by rad/s;
-    `_QUIET` is always allowed. Worth the same are `rate` and `attitude`, DRB of disturbances of
-    attitude and rate together and of attitude alone, rad/s, and `gusts`: the rms of the attitude
-    over that of white noise of the command, which counts for nothing if infinite.
+    Noise is the rms of the command over that of white noise of the gyro, of full command by rad/s.
+    Worth the same are `rate` and `attitude`, DRB of disturbances of attitude and rate together and
+    of attitude alone, rad/s, and 1 of the rms of target less attitude, at most `error`: by `moves`,
+    (4, n_freq), powers at `BAND` of what acts as added commands, as gusts do, and of each target.
+    `ahead` is an FF that may be taken in place of the one that holds a rate, or any between.
     """
 
     gain: float
@@ -71,7 +72,9 @@ class Required(NamedTuple):
     noise: float = np.inf
     rate: float = 1.0
     attitude: float = 1.0
-    gusts: float = np.inf
+    moves: Real = np.zeros((1 + len(COMMANDS), BAND.size))
+    error: float = np.inf
+    ahead: float = np.nan
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -180,14 +183,14 @@ def tune(
     law = partial(law_of, lean=lean)
     axes = tuned_axes(vehicle)
     found = search([plant], law, dict.fromkeys(axes, AHEAD))
-    steady = {axis: holds(plant, axis) for axis in axes}
-    return Tuning(found, ClosedLoop(plant, law(found), BAND), steady)
+    return Tuning(
+        found, ClosedLoop(plant, law(found), BAND), {axis: holds(plant, axis) for axis in axes}
+    )
 
 
 def tuned_axes(plant: Linear) -> list[str]:
     """Return the axes whose command and own attitude a model has. Raises InputError for none."""
-    axes = [name for name in plant.inputs if BY_NAME[name].angle in plant.outputs]
-    axes = [name for name in COMMANDS if name in axes]
+    axes = [one for one in COMMANDS if one in plant.inputs and BY_NAME[one].angle in plant.outputs]
     if not axes:
         raise InputError(
             f"no axis can be tuned: the model goes from {', '.join(plant.inputs)} to "
@@ -224,27 +227,33 @@ def search(
     plants: Sequence[Linear],
     law: Callable[[Mapping[str, Gains]], Linear],
     required: Mapping[str, Required],
-    held: Real = HELD,
+    held: Mapping[str, Real] | None = None,
     slopes: Mapping[str, Iterable[float]] | None = None,
 ) -> dict[str, Gains]:
     """Return the gains of each axis that reject most within what is required of every plant.
 
     The first plant is the likeliest, by which gains are ranked; `law` is that of gains by axis.
-    `held` are gains of the attitude that are tried, 1/s, and `slopes` filters of D by axis, Hz,
-    today's first; without any it is `FILTER_HZ`. Raises NoGains.
+    By axis `held` are gains of the attitude that are tried, 1/s, without any `HELD`, and `slopes`
+    filters of D, Hz, today's first; without any it is `FILTER_HZ`. Raises NoGains.
     """
     known = [_Known.of(one) for one in plants]
-    ahead = {axis: max(0.0, holds(plants[0], axis)) for axis in required}
+    ahead = {
+        axis: np.unique(
+            [of(max(0.0, holds(plants[0], axis)), one.ahead) for of in (np.fmin, np.fmax)]
+        )
+        for axis, one in required.items()
+    }
     tried = {axis: tuple((slopes or {}).get(axis, (FILTER_HZ,))) for axis in required}
     found = {
-        axis: Gains(0.0, _CORNER * ff, 0.0, ff, _FIRST, tried[axis][0])
+        axis: Gains(0.0, _CORNER * ff[-1], 0.0, ff[-1], _FIRST, tried[axis][0])
         for axis, ff in ahead.items()
     }
     rows = {axis: _rows(law, axis, one) for axis, one in tried.items()}
     for closer in (None, *_CLOSER):
         for axis, needed in required.items():
             found[axis] = _best(
-                known, law, rows[axis], axis, found, closer, needed, held, tried[axis]
+                *(known, law, rows[axis], axis, found, closer, needed),
+                *((held or {}).get(axis, HELD), tried[axis], ahead[axis]),
             )
     return found
 
@@ -273,32 +282,39 @@ def _best(
     required: Required,
     held: Real,
     slopes: tuple[float, ...],
+    ahead: Real,
 ) -> Gains:
     """Return the best gains of one axis of a grid, or of random ones as near as `closer` to now."""
     p, _, d, ff, angle, slope = now[axis]
     without = now[axis]._replace(p=0.0, i=0.0, d=0.0, ff=0.0, angle=0.0)
     others = _Known.of(law({**now, axis: without}))
-    own = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
-    unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(own)))
+    rate = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
+    unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(rate)))
     apart = 2 if len(slopes) > 1 else 1  # about as many gains with several filters
-    grid = np.array(np.meshgrid(_P[::apart] * unit, _D, held[::apart], slopes)).reshape(4, -1)
+    tried = np.meshgrid(_P[::apart] * unit, _D, held[::apart], slopes, ahead)
+    grid = np.reshape(tried, (len(tried), -1))
     grid[1] *= grid[0]
 
     def gains_of(tried: Real) -> Real:
-        p, d, angle, slope = tried
-        return np.array([p, _CORNER * (ff + p), d, np.full_like(p, ff), angle, slope])
+        p, d, angle, slope, ff = tried
+        return np.array([p, _CORNER * (ff + p), d, ff, angle, slope])
 
-    some = gains_of(grid[:, ::_SOME])
-    cuts = [_Cut.of(plant, others, rows, axis, some, slopes) for plant in plants]
+    cuts = [
+        _Cut.of(plant, others, rows, axis, gains_of(grid[:, ::_SOME]), slopes) for plant in plants
+    ]
+    angles = {name: one.angle for name, one in now.items() if name != axis}
+    moved = np.abs(strays(ClosedLoop(plants[0], others, BAND), axis, angles)) ** 2
+    powers = np.sum(required.moves * moved, axis=0), required.moves[1 + COMMANDS.index(axis)]
     random = np.random.default_rng(1)
     by = np.exp((closer or 0.0) * random.standard_normal((3, _NEAR)))
     hertz = np.where(random.random(_NEAR) < 0.5, slope, random.choice(slopes, _NEAR))
-    near = np.vstack([np.array([[p], [d], [angle]]) * by, hertz])
-    near[:, 0] = p, d, angle, slope  # as now: no round makes it worse
+    fed = ff * np.exp((closer or 0.0) * random.standard_normal(_NEAR))
+    near = np.vstack([np.array([[p], [d], [angle]]) * by, hertz, fed.clip(ahead[0], ahead[-1])])
+    near[:, 0] = p, d, angle, slope, ff  # as now: no round makes it worse
     near[2] = np.minimum(near[2], held[-1])
     for tried in (grid,) if closer is None else (near, grid):
         gains = gains_of(tried)
-        best = _first(cuts, gains, unit, required)
+        best = _first(cuts, gains, unit, required, powers)
         if best is not None:
             return Gains(*gains[:, best].tolist())
     raise NoGains(
@@ -309,12 +325,40 @@ def _best(
     )
 
 
-def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required) -> int | None:
-    """Return which of the gains, (6, n_gains), are the best that will do, None if none will."""
+def strays(loop: ClosedLoop, axis: str, angles: Mapping[str, float]) -> Complex:
+    """Return an attitude by an added command, and what it misses of targets, (4, n_freq).
+
+    Loops are at `BAND`. Targets are of the law's `COMMANDS`; with gains `angles` of the attitudes,
+    1/s, theirs and their rates are asked for.
+    """
+    moved = {
+        other: (other == axis)
+        + loop.reached("attitude", other)[axis_of(axis).angle].response
+        * (1.0 + 1j * BAND / (gain or np.inf))
+        for other, gain in angles.items()
+        if other in loop.axes
+    }
+    missed = (moved.get(one, np.zeros(BAND.size)) for one in COMMANDS)
+    return np.array([loop.turned(axis, axis).response, *missed], np.complex128)
+
+
+def _first(
+    cuts: "Sequence[_Cut]",
+    gains: Real,
+    unit: float,
+    required: Required,
+    moved: tuple[Real, Real],
+) -> int | None:
+    """Return which of the gains, (6, n_gains), are the best that will do, None if none will.
+
+    `moved` are powers, (n_freq,) each: of the attitude with its axis open, and of its target.
+    Those that err less than is required come first.
+    """
     likely = cuts[0].closed(gains)
-    most = min(_LOUD, max(_QUIET, required.noise / unit))
+    most = min(_LOUD, required.noise / unit)
     clear = np.flatnonzero(likely.keeps(required) & (likely.noise(unit) < most))
-    order = clear[np.argsort(-likely.worth(unit, required)[clear])]
+    worth, errs = likely.worth(unit, required, moved), likely.error(moved) > required.error
+    order = clear[np.lexsort([-worth[clear], errs[clear]])]
     for start in range(0, order.size, _EACH):
         left = order[start : start + _EACH]
         for cut in cuts[1:]:
@@ -327,7 +371,7 @@ def _first(cuts: "Sequence[_Cut]", gains: Real, unit: float, required: Required)
 class _Closed(NamedTuple):
     """Loops of many gains, (n_gains, n_freq) each: L, its part by the rate, command over noise.
 
-    `turned` is the attitude over what is added to the command, (n_freq,), with this axis open.
+    `aimed` is the attitude over its target with this axis open, (n_gains, n_freq).
     `beside` is another loop of the same vehicle, (n_freq,), and `least` how many more poles than
     its grow with the stablest gains that are known.
     """
@@ -335,7 +379,7 @@ class _Closed(NamedTuple):
     loop: Complex
     by_rate: Complex
     noisy: Complex
-    turned: Complex
+    aimed: Complex
     beside: Complex
     least: float = 0.0
 
@@ -353,11 +397,18 @@ class _Closed(NamedTuple):
         """Return the rms of the command over that of white noise of the gyro, by a unit of P."""
         return np.asarray(passed(self.noisy / (1.0 + self.loop) / unit))
 
-    def worth(self, unit: float, required: Required) -> Real:
+    def error(self, moved: tuple[Real, Real]) -> Real:
+        """Return the rms of target less attitude, (n_gains,), by `moved` of `_first`."""
+        left = 1.0 / (1.0 + self.loop)
+        return np.sqrt(
+            np.abs(left) ** 2 @ moved[0] + np.abs(1.0 - self.aimed * left) ** 2 @ moved[1]
+        )
+
+    def worth(self, unit: float, required: Required, moved: tuple[Real, Real]) -> Real:
         """Return the rejection of disturbances less what noise costs, (n_gains,), by a unit of P.
 
-        Disturbances are of attitude and rate together, of attitude alone, and of the command, as
-        gusts are: DRB says how fast they may be, and not how strong faster ones are.
+        Disturbances are of attitude and rate together, of attitude alone, and what moves it from
+        its target: DRB says how fast they may be, and not how strong faster ones are.
         """
         left = 1.0 / (1.0 + self.loop)
         by_rate = (1.0 + self.by_rate) * left
@@ -365,7 +416,7 @@ class _Closed(NamedTuple):
             [
                 required.rate / _rejected(left),
                 required.attitude / _rejected(by_rate),
-                passed(self.turned * left) / required.gusts,
+                self.error(moved),
             ],
             axis=0,
         )
@@ -420,13 +471,12 @@ def _rejected(left: Complex) -> Real:
 class _Cut(NamedTuple):
     """One axis's loop by each unit of P, I, FF and of D by filters `slopes`, (n_term, n_freq) each.
 
-    It is by rate and by angle; `turned`, `beside` and `least` are as of `_Closed`.
+    It is by rate and by angle; `beside` and `least` are as of `_Closed`.
     """
 
     by_rate: Complex
     by_angle: Complex
     noisy: Complex  # The command over the gyro's noise
-    turned: Complex
     slopes: tuple[float, ...]
     beside: Complex
     least: float = 0.0
@@ -456,7 +506,6 @@ class _Cut(NamedTuple):
             by_rate,
             both - by_rate,
             noisy=rows[:, 0, others.inputs.index(axis_of(axis).rate or "")],
-            turned=moved[axis_of(axis).angle].response,
             slopes=slopes,
             beside=np.zeros(BAND.size, complex),
         )
@@ -469,5 +518,9 @@ class _Cut(NamedTuple):
         terms = np.array([p, i, ff, *(d * (slope == one) for one in self.slopes)]).T
         angle = angle[:, None]
         by_rate = terms @ self.by_rate
-        loop = by_rate + angle * (terms @ self.by_angle)
-        return _Closed(loop, by_rate, terms @ self.noisy, self.turned, self.beside, self.least)
+        by_angle = terms @ self.by_angle
+        return _Closed(
+            by_rate + angle * by_angle,
+            *(by_rate, terms @ self.noisy, (angle + 1j * BAND) * by_angle),
+            *(self.beside, self.least),
+        )

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import Value, to_plain
 from helisim.design.plant import Plant
-from helisim.handling.arducopter import WORDS, ArduCopterLaw
+from helisim.handling.arducopter import COMMANDS, WORDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.handling.loop import Curve, axis_of
@@ -26,11 +27,12 @@ from helisim.handling.predicted import ATTITUDE_DRB, FlownPlant, PredictedLoop
 from helisim.ident import Fit, identify, structures
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.loops import flown_law, flown_loops
-from helisim.look.sticks import StickResponse, stick_response
+from helisim.look.loops import LOGGED, flown_law, flown_loops, line
+from helisim.look.sticks import StickResponse, flies, stick_response
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
+from helisim.records.quality import stretches
 from helisim.records.record import ATTITUDES, RATES, one_blas_thread
 from helisim.sitl.gains import (
     BAND,
@@ -42,6 +44,7 @@ from helisim.sitl.gains import (
     holds,
     passed,
     search,
+    strays,
     tuned_axes,
 )
 from helisim.sitl.parameters import AutopilotParameters, Setting
@@ -56,14 +59,17 @@ _BEYOND = 1.1  # by which a search asks for more than its last one lacked, and b
 _MORE = (0.1, math.radians(0.5), 0.05)  # dB, rad, dB: more than rounded gains lose
 _WORTH = 1.03  # ratio of what disturbances leave, below which today's gains stay
 LOUDER = 1.49  # most noise of the command, of that of today's gains: rounding leaves it below 1.5
+_LESS = 0.99  # most error in gusts, likewise: rounding leaves it below 1
 _SLOPES = (6.0, 10.0)  # Hz, filters of D that are tried
+# m from a hover's usual height, s before and after: what is further away is a climb or a landing
+_LEVEL, _SETTLES = 1.0, 3.0
+# rad/s, between `BAND` from 0.1 Hz on: slower errors are of trim, where no sweep tells a model
+_EDGES = np.sqrt([*BAND[:1], *BAND] * np.array([*BAND, *BAND[-1:]])).clip(0.2 * math.pi)
+_YAW = 7.5  # 1/s: beyond 120 deg/s^2 over its square, here 2 deg, ArduPilot's yaw follows a root
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
     "of a quarter of its travel or more, 0.6 to 1.6 s long, with as long a rest after each"
-)
-_SWEEPS = (
-    "P, I, D and the angle's gain stay: for those sweep by the mode SystemID, SID_AXIS 10 to 12"
 )
 _AS_GOOD = "today's gains are as good within the margins"
 _UNKNOWN = (
@@ -91,6 +97,7 @@ _NOTCH = {
 }
 _HISTORIES = (
     ("height, m", "CTUN", ("Alt",)),
+    ("height, m", "POS", ("RelHomeAlt",)),
     ("wind by the EKF, m/s", "XKF2", ("VWN", "VWE")),
     ("rotor speed, rpm", "RPM", ("RPM",)),
     ("rotor speed, rpm", "RPM", ("rpm1",)),
@@ -122,7 +129,7 @@ class AxisTuning(Value):
     """One axis: its loop's figures today, and with the candidate's gains.
 
     `flown` is whether today's are as flown, where the sweeps show them; `noise`, by how much the
-    gyro's noise moves the command more than today, `gusts` likewise the attitude. Without a
+    gyro's noise moves the command more than today, `gusts` the error in gusts likewise. Without a
     candidate, `tuned` and `changes` are empty and `why` says so.
     """
 
@@ -138,10 +145,10 @@ class AxisTuning(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, without the loops."""
-        found = to_plain(replace(self, loops={}))
-        for name in ("today", "tuned"):
-            found[name] = {figure: one.to_dict() for figure, one in getattr(self, name).items()}
-        return found
+        return to_plain(replace(self, loops={})) | {
+            name: {figure: one.to_dict() for figure, one in getattr(self, name).items()}
+            for name in ("today", "tuned")
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +174,9 @@ class LogTuning(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         axes = [one.to_dict() for one in self.axes]
-        found = {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)}
-        return found | ({"vibration": self.vibration.to_dict()} if self.vibration else {})
+        return {"logs": list(self.logs), "axes": axes, "remarks": list(self.remarks)} | (
+            {"vibration": self.vibration.to_dict()} if self.vibration else {}
+        )
 
     @property
     def crossovers(self) -> dict[str, float]:
@@ -220,17 +228,19 @@ def tune_log(
     gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
     models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without a sweep tell
     today's loops and the feed-forward, by what the pilot's sticks or AutoTune moved, or vibration
-    alone, and a remark says why. Raises StorageError, LogError, IdentificationError, or InputError
-    where the parameters aren't in the log.
+    alone, and a remark says why. Beside sweeps they are flights in gusts, by which errors in gusts
+    are predicted. Raises StorageError, LogError, IdentificationError, or InputError where the
+    parameters aren't in the log.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
     on_step("vibration")
     heard = vibration(paths, rotor_hz=rotor_hz, tail=tail)
     try:
-        if not any(own_sweeps(Path(one)) for one in paths):
+        swept = [one for one in paths if own_sweeps(Path(one))]
+        if not swept:
             return _by_sticks(paths, heard, seed, on_step)
         on_step("models")
-        plant, inferred = logged_plant(paths)
+        plant, inferred = logged_plant(swept)
     except (LogError, InputError) as error:
         return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     start = inferred.used[0].start
@@ -241,11 +251,11 @@ def tune_log(
             "(SID_AXIS 10 to 12), each once, for what the axes do to each other"
         )
     on_step("loops as flown")
-    log = open_dataflash(Path(paths[0]), file_digest(Path(paths[0])))
+    log = open_dataflash(Path(swept[0]), file_digest(Path(swept[0])))
     law = flown_law(log, start + log.begins)
     remarks += law.remarks
     axes = tuned_axes(plant)
-    shown = _shown(paths, remarks)
+    shown = _shown(swept, remarks)
     on_step("candidates")
     models = [plant, *plant.draws(DRAWS, seed=seed)]
     known = [one for one in axes if shown and one in {cut.axis for cut in shown.used}]
@@ -261,8 +271,10 @@ def tune_log(
 
     def with_gains(gains: Mapping[str, Gains]) -> ArduCopterLaw:
         new = {name: value for axis in gains for name, value in _named(axis, gains[axis]).items()}
-        changed = ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady)
-        return replace(changed, notches=heard.notches)
+        return replace(
+            ArduCopterLaw.of({**own, **new}, lean=law.lean, steady=law.steady),
+            notches=heard.notches,
+        )
 
     before = {axis: today.figures(axis) for axis in axes}
     kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
@@ -271,20 +283,34 @@ def tune_log(
         for axis in axes
         if axis not in wrong
     }
-    slopes = {axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes}
-    gains, tuned, none = searched(plants, with_gains, law, stays, required, slopes=slopes)
+    gusty = [open_dataflash(one, file_digest(one)) for one in map(Path, {*paths} - {*swept})]
+    moves = {
+        axis: _flown_moves(gusty, plants[0], law, axis, remarks)
+        if gusty
+        else whites(plants[0], law, axis)
+        for axis in stays
+    }
+    gains, tuned, none = searched(
+        *(plants, with_gains, law, stays, required, moves),
+        slopes={axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes},
+        ahead={axis: law.rates[axis].ff for axis in axes},
+        held={"ped": HELD[max(law.angle["ped"], _YAW) >= HELD]},
+    )
     none |= wrong
     better = with_gains(gains)
     new, found = PredictedLoop.of(plants[:1], better), []
     for axis in axes:
         flown = axis in known
         flew = shown if shown and flown else ClosedLoop(plants[0], law)
-        loops = {"flown" if flown else "today": flew.broken(axis)}
-        one = AxisTuning(axis, flown, before[axis], why=none.get(axis, ""), loops=loops)
+        one = AxisTuning(
+            *(axis, flown, before[axis]),
+            why=none.get(axis, ""),
+            loops={"flown" if flown else "today": flew.broken(axis)},
+        )
         if axis in gains:
             remarks += _unseen(new, plants[0], axis)
             changes = _changed(axis, gains[axis], own, plants)
-            one = retuned(one, plants[0], law, better, tuned[axis], changes)
+            one = retuned(one, plants[0], law, better, tuned[axis], changes, moves[axis])
         found.append(one)
     return LogTuning(
         *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
@@ -296,9 +322,11 @@ def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
     if "MODE" not in log:
         return ()
     table, names = log.table("MODE"), {number: name for name, number in MODES.items()}
-    numbers = np.asarray(table["ModeNum" if "ModeNum" in table.columns else "Mode"], int)
-    since = (table.time - log.begins).tolist()
-    return tuple((at, names.get(one, f"mode {one}")) for at, one in zip(since, numbers.tolist()))
+    numbers = np.asarray(table["ModeNum" if "ModeNum" in table.columns else "Mode"], int).tolist()
+    return tuple(
+        (at, names.get(one, f"mode {one}"))
+        for at, one in zip((table.time - log.begins).tolist(), numbers)
+    )
 
 
 def _histories(log: DataFlash) -> dict[str, tuple[Real, Real]]:
@@ -332,12 +360,16 @@ def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
     records = [record for log in found.read(names) for record in log.records]
     fits = []
     for fit, estimate in zip(wanted, estimate_fits(records, wanted)):
-        structure = structures.named(fit.structure)
-        band = followed_band(estimate, structure, fit.band)
-        fits.append(identify(estimate, structure, band=band))
+        own = structures.named(fit.structure)
+        fits.append(identify(estimate, own, band=followed_band(estimate, own, fit.band)))
+    return whole_plant(fits), found
+
+
+def whole_plant(fits: Sequence[Fit], **options: Any) -> Plant:
+    """Return models with all rates and angles: those that none tells stand still."""
     known = Plant(tuple(fits)).outputs
     still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
-    return Plant(tuple(fits), still=still), found
+    return Plant(tuple(fits), still=still, **options)
 
 
 def _by_sticks(
@@ -352,7 +384,14 @@ def _by_sticks(
     # the log's rates are behind the gyro's filter, which is in the law
     plant = replace(found, rates=found.rates / law.gyro(found.frequency))
     models = [plant, *plant.draws(DRAWS, seed=seed)]
-    remarks, axes = [*law.remarks, _SWEEPS], list[AxisTuning]()
+    axes, remarks = (
+        list[AxisTuning](),
+        [
+            *law.remarks,
+            "P, I, D and the angle's gain stay: for those sweep by the mode SystemID, "
+            "SID_AXIS 10 to 12",
+        ],
+    )
     for axis in tuned_axes(plant):
         figures = _coherent(models, law, axis)
         if not math.isfinite(figures["crossover"].value):
@@ -363,9 +402,11 @@ def _by_sticks(
                 f"commands {where}; {_STEPS}"
             )
         axes.append(_fed(AxisTuning(axis, True, figures), models, law, own))
-    told = tuple(dict.fromkeys(remarks))
-    over = {"modes": _modes(logs[0]), "histories": _histories(logs[0])}
-    return LogTuning(tuple(paths), heard, tuple(axes), told, **over)
+    return LogTuning(
+        *(tuple(paths), heard, tuple(axes), tuple(dict.fromkeys(remarks))),
+        modes=_modes(logs[0]),
+        histories=_histories(logs[0]),
+    )
 
 
 def _coherent(
@@ -409,18 +450,17 @@ def _fed(
         )
     if fed.low <= gains.ff <= fed.high:
         return replace(one, why="today's FF is as right as this flight tells")
-    new = Changed(name, own[name], float(f"{max(value, 0.0):.4g}"), _WHYS["FF"], within)
-    return replace(one, changes=(new,))
+    new = float(f"{max(value, 0.0):.4g}")
+    return replace(one, changes=(Changed(name, own[name], new, _WHYS["FF"], within),))
 
 
 def _shown(paths: Sequence[str], remarks: list[str]) -> MeasuredLoop | None:
     """Return the loops that sweeps of the mixer cut, None if none did, and extend the remarks."""
     try:
-        found = flown_loops(paths).margins(draws=DRAWS)
+        return flown_loops(paths).margins(draws=DRAWS).loop
     except (LogError, IdentificationError) as error:
         remarks.append(f"no loop is known as flown, so models alone tell the figures: {error}")
         return None
-    return found.loop
 
 
 def _put_right(
@@ -429,13 +469,13 @@ def _put_right(
     """Return models with the loops as flown, each with one of those as likely as measured."""
     plants = []
     for model, one in zip(models, (shown, *shown.draws)):
-        curves = {axis: one.broken(axis) for axis in axes}
         ratios = {
             axis: Curve(
                 curve.frequency,
                 curve.response / ClosedLoop(model, law, curve.frequency).broken(axis).response,
             )
-            for axis, curve in curves.items()
+            for axis in axes
+            for curve in [one.broken(axis)]
         }
         plants.append(FlownPlant(model, ratios))
     return plants
@@ -446,13 +486,63 @@ def noise_of(plant: Linear, law: Linear, axis: str) -> float:
     return float(passed(ClosedLoop(plant, law, BAND).reached("rate", axis)[axis].response))
 
 
-def shaken(plant: Linear, law: Linear, axis: str) -> float:
-    """Return the rms of an axis's attitude over that of white noise of its command, as gusts are.
+def errs(plant: Linear, law: Linear, axis: str, moves: Real) -> Real:
+    """Return squares of the rms of target less attitude, (4,), by each of `Required.moves`."""
+    angles = getattr(law, "angle", {})  # Rotorflight's sticks ask for rates alone
+    return np.sum(moves * np.abs(strays(ClosedLoop(plant, law, BAND), axis, angles)) ** 2, axis=1)
 
-    The ratio of two laws is that of the attitude's error in gusts: on the JR700 0.77, 0.81 and 0.69
-    were 0.78, 0.82 and 0.59 in flight (`scripts/proof/tune_study.py`).
+
+def whites(plant: Linear, law: Linear, axis: str) -> Real:
+    """Return `Required.moves` by which a law errs by 1, where no flight in gusts tells others.
+
+    They are white noise of the command, and of the own target's rate as much if one is asked for.
     """
-    return float(passed(ClosedLoop(plant, law, BAND).turned(axis, axis).response))
+    rows = np.array([np.ones(BAND.size), *((one == axis) * BAND**-2.0 for one in COMMANDS)])
+    sizes = errs(plant, law, axis, np.gradient(BAND) * rows)[:, None]
+    return np.gradient(BAND) * rows / np.where(sizes, sizes * np.count_nonzero(sizes), np.inf)
+
+
+def _flown_moves(
+    logs: Sequence[DataFlash], plant: Linear, law: ArduCopterLaw, axis: str, remarks: list[str]
+) -> Real:
+    """Return `Required.moves` of hovers, by which a law errs by 1, and extend the remarks."""
+    found = np.mean([_moved(log, plant, axis) for log in logs], axis=0)
+    parts = errs(plant, law, axis, found)
+    whole = float(parts.sum())
+    remarks.append(
+        f"{axis_of(axis).word} in gusts errs by {math.degrees(math.sqrt(whole)):.2g} deg with "
+        f"today's gains, {parts[1:].sum() / whole:.0%} of its square because targets move"
+    )
+    return found / whole
+
+
+def _moved(log: DataFlash, plant: Linear, axis: str) -> Real:
+    """Return `Required.moves`, rad^2, of the longest time of a log near its usual height.
+
+    What the log's own law makes of the targets is taken out of the error; the rest is what turned
+    the helicopter.
+    """
+    angles = log.table("ANG" if "ANG" in log else "ATT")
+    law = flown_law(log, float(np.median(angles.time)))
+    ticks = np.arange(angles.time[0], angles.time[-1], law.period)
+    since, height = _histories(log).get("height, m", (np.zeros(1), np.zeros(1)))
+    off = np.interp(ticks - log.begins, since, np.abs(height - np.median(height)))
+    level = maximum_filter1d(off, 2 * round(_SETTLES / law.period) + 1) < _LEVEL
+    here = stretches(flies(log, ticks) & level)
+    time = ticks[slice(*max(here, key=np.ptp, default=(0, ticks.size)))]
+    lines = (
+        line(angles.time, np.radians(angles[name]))
+        for name in (LOGGED[axis][2].removeprefix("Des"), *(one for *_, one in LOGGED.values()))
+    )
+    moved = np.array([np.interp(time, at, np.unwrap(one)) for at, one in lines])
+    # a step from the end to the beginning would be in all frequencies
+    angle, *aims = np.fft.rfft(moved - np.linspace(moved[:, 0], moved[:, -1], time.size, axis=1))
+    turned, *missed = strays(ClosedLoop(plant, law, BAND), axis, law.angle)
+    rows = np.fft.rfftfreq(time.size, law.period / (2.0 * np.pi))
+    follows = sum(np.interp(rows, BAND, by) * one for by, one in zip(missed, aims))
+    powers = np.abs([aims[COMMANDS.index(axis)] - angle - follows, *aims]) ** 2 / time.size**2
+    found = np.diff([np.interp(_EDGES, rows, np.cumsum(2.0 * one)) for one in powers])
+    return found / np.vstack([np.abs(turned) ** 2, np.ones((3, BAND.size))])
 
 
 def retuned(
@@ -462,19 +552,24 @@ def retuned(
     better: Linear,
     figures: Mapping[str, Interval],
     changes: tuple[Changed, ...],
+    moves: Real,
 ) -> AxisTuning:
     """Return an axis with better gains: its changes, figures, noise, gusts and predicted loop."""
-    noise, gusts = (
-        of(plant, better, one.axis) / of(plant, today, one.axis) for of in (noise_of, shaken)
+    return replace(
+        one,
+        noise=noise_of(plant, better, one.axis) / noise_of(plant, today, one.axis),
+        gusts=float(np.sqrt(errs(plant, better, one.axis, moves).sum())),
+        tuned=figures,
+        changes=changes,
+        loops={**one.loops, "predicted": ClosedLoop(plant, better).broken(one.axis)},
     )
-    loops = {**one.loops, "predicted": ClosedLoop(plant, better).broken(one.axis)}
-    return replace(one, noise=noise, gusts=gusts, tuned=figures, changes=changes, loops=loops)
 
 
 def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
     """Return a remark if the gain margin lies beyond the frequencies at which the loop flew."""
-    turns = margins(loop.broken(axis)).gain
-    nearest, _ = min(turns, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
+    nearest, _ = min(
+        margins(loop.broken(axis)).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0)
+    )
     seen = plant.ratios[axis].frequency[-1] if isinstance(plant, FlownPlant) else np.inf
     if nearest <= seen:
         return []
@@ -487,8 +582,9 @@ def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
 
 def _named(axis: str, gains: Gains) -> dict[str, float]:
     word = WORDS[axis]
-    rates = {f"ATC_RAT_{word}_{name}": getattr(gains, of) for name, of in _FIELDS.items()}
-    return {f"ATC_ANG_{word}_P": gains.angle, **rates}
+    return {f"ATC_ANG_{word}_P": gains.angle} | {
+        f"ATC_RAT_{word}_{name}": getattr(gains, of) for name, of in _FIELDS.items()
+    }
 
 
 def _four_digits(_: str, gains: Gains) -> Gains:
@@ -501,28 +597,35 @@ def searched(
     today: Linear,
     stays: Mapping[str, Mapping[str, Interval]],
     required: Required,
+    moves: Mapping[str, Real],
     *,
+    ahead: Mapping[str, float] | None = None,
     rounded: Callable[[str, Gains], Gains] = _four_digits,
-    held: Real = HELD,
+    held: Mapping[str, Real] | None = None,
     slopes: Mapping[str, Iterable[float]] | None = None,
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:
     """Return gains by axis, their figures, and why other axes have none.
 
     All figures are of the returned gains together, axes without keeping today's, whose figures
     `stays` are. Their intervals hold what is required, they pass at most half more noise than the
-    law of `today`, and they leave less of disturbances and gusts, in shares of what today's leave;
-    where today's margins hold, gusts move no attitude more.
+    law of `today`, and they leave less of disturbances and of `moves`, by which today's err by 1,
+    in shares of what today's leave; where today's margins hold, the error is no larger. FF is
+    that which holds a rate, or between it and `ahead`, today's.
     Gains are `rounded` as the autopilot takes them; `held` and `slopes` as of `search`.
     """
     none: dict[str, str] = {}
-    tries, asked = Counter[str](), dict[str, Required]()
-    for axis, one in stays.items():
-        asked[axis] = required._replace(
-            noise=LOUDER * noise_of(plants[0], today, axis),
+    tries = Counter[str]()
+    asked = {
+        axis: required._replace(
+            noise=LOUDER * noise_of(plants[0], today, axis) or np.inf,
             rate=one["DRB"].value,
             attitude=one.get(ATTITUDE_DRB, one["DRB"]).value,
-            gusts=shaken(plants[0], today, axis),
+            moves=moves[axis],
+            error=np.inf if any(lacks(one, required)) else _LESS,
+            ahead=(ahead or {}).get(axis, np.nan),
         )
+        for axis, one in stays.items()
+    }
     while asked:
         try:
             gains = search(plants[: _SEARCHED + 1], law, asked, held, slopes)
@@ -536,7 +639,9 @@ def searched(
         loop = PredictedLoop.of(plants, law(gains))
         tuned = {axis: loop.figures(axis) for axis in gains}
         short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
-        shakes = {axis: shaken(plants[0], law(gains), axis) / asked[axis].gusts for axis in gains}
+        left = {
+            axis: math.sqrt(errs(plants[0], law(gains), axis, moves[axis]).sum()) for axis in gains
+        }
         dull = [
             axis
             for axis in gains
@@ -544,8 +649,8 @@ def searched(
             and not any(lacks(stays[axis], required))
             and (
                 _error(stays[axis], asked[axis], 1.0)
-                < _WORTH * _error(tuned[axis], asked[axis], shakes[axis])
-                or shakes[axis] > 1.0
+                < _WORTH * _error(tuned[axis], asked[axis], left[axis])
+                or left[axis] > 1.0
             )
         ]
         if not short and not dull:
@@ -563,11 +668,11 @@ def searched(
     return {}, {}, none
 
 
-def _error(figures: Mapping[str, Interval], required: Required, shakes: float) -> float:
-    """Return what disturbances leave: of both kinds, by DRB worth the same, and gusts' `shakes`."""
+def _error(figures: Mapping[str, Interval], required: Required, error: float) -> float:
+    """Return what disturbances leave: of both kinds, by DRB worth the same, and of moves."""
     worth = {"DRB": required.rate, ATTITUDE_DRB: required.attitude}
     return math.hypot(
-        shakes, *(one / figures[name].value for name, one in worth.items() if name in figures)
+        error, *(one / figures[name].value for name, one in worth.items() if name in figures)
     )
 
 
@@ -586,11 +691,13 @@ def _changed(
     axis: str, gains: Gains, own: Mapping[str, float], plants: Sequence[Linear]
 ) -> tuple[Changed, ...]:
     """Return the parameters of an axis's new gains beside the log's own."""
-    error = 1.96 * float(np.std([holds(plant, axis) for plant in plants[1:]]))
+    holding = [holds(plant, axis) for plant in plants]
+    error = 1.96 * float(np.std(holding[1:]))
+    told = f", {holding[0]:.4g} +- {error:.2g}, or between it and today's"
     found = []
     for name, value in _named(axis, gains).items():
         short = "ANG" if "_ANG_" in name else name.split("_")[-1]
-        within = error if short == "FF" else None
-        if value != own[name] and (gains.d or short != "FLTD"):  # without D its filter stays
-            found.append(Changed(name, own[name], value, _WHYS[short], within))
+        # without D its filter stays
+        if value != float(f"{own[name]:.4g}") and (gains.d or short != "FLTD"):
+            found.append(Changed(name, own[name], value, _WHYS[short] + told * (short == "FF")))
     return tuple(found)

@@ -30,7 +30,7 @@ from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.look.vibration import blackbox_vibration
-from helisim.records.record import ATTITUDES, IN1, IN2, RATES, FlightRecord, one_blas_thread
+from helisim.records.record import IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.log_tune import (
     DRAWS,
@@ -39,6 +39,8 @@ from helisim.study.log_tune import (
     LogTuning,
     retuned,
     searched,
+    whites,
+    whole_plant,
 )
 
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
@@ -255,9 +257,7 @@ def tune_blackbox(
     fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
     if not fits:
         return LogTuning(names, heard, remarks=tuple(remarks))
-    known = Plant(tuple(fits)).outputs
-    still = tuple(name for name in (*RATES, *ATTITUDES) if name not in known)
-    plant = Plant(tuple(fits), period=period, still=still)
+    plant = whole_plant(fits, period=period)
     rng = np.random.default_rng(seed)
     plants = [plant, *(_elsewhere(one, rng) for one in plant.draws(DRAWS, seed=seed))]
     on_step("loops as flown")
@@ -273,6 +273,7 @@ def tune_blackbox(
         for top in [max(to for pair, (_, to) in fit.bands.items() if pair.endswith(f"/{axis}"))]
         if at > top
     } | wrong
+    gusts = {axis: whites(plant, today, axis) for axis in axes}
     on_step("candidates")
     gains, tuned, none = searched(
         plants,
@@ -280,8 +281,9 @@ def tune_blackbox(
         today,
         {axis: one for axis, one in stays.items() if axis not in wrong},
         required,
+        gusts,
         rounded=_whole,
-        held=_HELD,
+        held=dict.fromkeys(axes, _HELD),
     )
     better, found = _with(law, period, gains), []
     for axis in axes:
@@ -293,7 +295,7 @@ def tune_blackbox(
         if axis in gains:
             given = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
             changes = _changes(axis, gains[axis], law, plants, ahead=given or told is not None)
-            one = retuned(one, plant, today, better, tuned[axis], changes)
+            one = retuned(one, plant, today, better, tuned[axis], changes, gusts[axis])
             one = replace(one, tuned=_seen(one.tuned, one.loops["predicted"], remarks))
         found.append(one)
     return LogTuning(
