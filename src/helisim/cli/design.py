@@ -246,8 +246,8 @@ def tune(o: Options) -> int | None:
     or the rate command of its parameters; print the loops' margins.
 
     Options:
-        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID; or
-            Blackbox of Rotorflight
+        logs LOG <any>  of ArduCopter-heli, .bin, best with sweeps by its mode SystemID, and of a
+            hover in wind beside them; or Blackbox of Rotorflight
         --out FILE <.param .parm .txt =tuned.param>  the new parameters (default: tuned.param)
         --report FILE <.html>  page on the flight, .html
         --rpm RPM <float>  of the main rotor (default: RPM messages, or the tones' own)
