@@ -144,9 +144,8 @@ def test_small_gains_are_found_and_gusts_count():
     for gusts in (np.outer([by, 0.0, 0.0, 0.0], np.gradient(BAND)) for by in (0.0, 10.0)):
         asked = gains.STANDARD._replace(noise=0.1, rate=3.0, attitude=3.0, moves=gusts)
         best.append(law(gains.search([rotor], law, {"lat": asked}, slopes={"lat": (20.0, 6.0)})))
-    for place in ("sensors", "attitude"):
-        left = ClosedLoop(rotor, best[0], BAND).disturbance("lat", place)
-        assert rejection_of(left).bandwidth > 5.0
+    by = ClosedLoop(rotor, best[0], BAND).disturbance
+    assert all(rejection_of(by("lat", place)).bandwidth > 5 for place in ("sensors", "attitude"))
     assert np.divide(*(errs(rotor, one, "lat", gusts).sum() for one in best)) > 1.0 / 0.98**2
 
 
