@@ -366,8 +366,9 @@ def _within(value: Any, place: str, noun: str, limits: Limits) -> Any:
         raise InputError(f"{place} must be {limits.words(finite)}, got {value_words(value)}")
     known = [one for one in limits.known if is_number(one)]
     if known and value not in known:
-        listed = ", ".join(map(str, known))
-        raise InputError(f"{place} must be one of {listed}, got {value_words(value)}")
+        raise InputError(
+            f"{place} must be one of {', '.join(map(str, known))}, got {value_words(value)}"
+        )
     return value
 
 
@@ -383,8 +384,7 @@ def _array(parts: tuple[Any, ...], value: Any, place: str, limits: Limits) -> An
             raise TypeError
         array = array.astype(dtype or array.dtype, casting="same_kind")
     except (TypeError, ValueError, OverflowError):
-        said = value_words(value)
-        raise InputError(f"{place} must be an array of numbers, got {said}") from None
+        raise InputError(f"{place} must be an array of numbers, got {value_words(value)}") from None
     if np.isnan(array).any() or not limits.holds(array):
         raise InputError(f"{place} must hold {limits.words('numbers')}, each finite")
     array.setflags(write=False)

@@ -19,8 +19,9 @@ class Helicopters(VecEnv):
     """
 
     def __init__(self, name: str, num_envs: int, **settings: Any) -> None:
-        mode = "vector_entry_point"
-        made: Any = gymnasium.make_vec(name, num_envs, vectorization_mode=mode, **settings)
+        made: Any = gymnasium.make_vec(
+            name, num_envs, vectorization_mode="vector_entry_point", **settings
+        )
         self.envs: HelicopterVectorEnv = made
         self.render_mode = made.render_mode
         super().__init__(num_envs, made.single_observation_space, made.single_action_space)

@@ -265,8 +265,9 @@ def _far_poles(cost: Cost, x: Real, unknown: NDArray[np.bool_]) -> Degenerate:
 
 def delay_names(structure: Structure) -> set[str]:
     """Return the parameters in a structure's delays."""
-    entries = (one for one in structure.entries if one.matrix in DELAYS)
-    return {name for entry in entries for name in entry.expression.names}
+    return {
+        name for one in structure.entries if one.matrix in DELAYS for name in one.expression.names
+    }
 
 
 def doubt(
@@ -276,19 +277,20 @@ def doubt(
     fast = max((abs(z) for z in poles if z.real > 0.0 and abs(z) > FAST * band[1]), default=0.0)
     worst = max(left.percent, key=lambda name: left.percent[name]) if left and left.phase else ""
     if fast:
-        text = (
+        return Note(
+            "unstable",
             f"an unstable pole at {fast:.3g} rad/s, where the band ends at {band[1]:.3g}: hardly "
-            "the vehicle's, it makes up with the delay for a lag that the structure lacks"
+            "the vehicle's, it makes up with the delay for a lag that the structure lacks; try a "
+            "structure with more states",
         )
-    elif left and (left.ratio or 0.0) >= _RATIO and left.percent[worst] >= _PERCENT:
-        text = (
+    if left and (left.ratio or 0.0) >= _RATIO and left.percent[worst] >= _PERCENT:
+        return Note(
+            "residual",
             f"{worst} is off by {left.percent[worst]:.2g} % rms where noise explains little of "
-            "it: modes and derivatives can be off by more than their errors say"
+            "it: modes and derivatives can be off by more than their errors say; try a structure "
+            "with more states",
         )
-    else:
-        return None
-    kind = "unstable" if fast else "residual"
-    return Note(kind, f"{text}; try a structure with more states")
+    return None
 
 
 def implausible(

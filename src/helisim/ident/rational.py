@@ -229,5 +229,4 @@ def _tried(
         delays=delay_grid(omega, low=0.0),
     )
     best = int(np.argmin(found.errors))
-    roots = np.roots(found.denominators[best][::-1])
-    return float(found.errors[best]), roots.astype(np.complex128)
+    return float(found.errors[best]), np.roots(found.denominators[best][::-1]).astype(np.complex128)

@@ -301,8 +301,9 @@ class Fit(Checked, Value, Displayed):
             across = self.carried * errors
             covariance = np.block([[covariance, across], [across.T, np.diag(errors**2)]])
             names += [one.name for one in known]
-        costs = tuple(self.costs)
-        return modes(self.structure, self.values, costs, names=names, covariance=covariance)
+        return modes(
+            self.structure, self.values, tuple(self.costs), names=names, covariance=covariance
+        )
 
     @property
     def _modes(self) -> Modes | None:

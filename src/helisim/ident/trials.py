@@ -76,8 +76,9 @@ def _trials(fit: Fit, data: FrequencyResponse) -> Iterator[tuple[Note, Frequency
             if known is None:
                 said = Note("delay", f"{text}; the structure has none there: give it one")
             else:
-                value = f"{known.name}={known.value + delay:.3g}"
-                said = Note("delay", text, (Option("fix", value),))
+                said = Note(
+                    "delay", text, (Option("fix", f"{known.name}={known.value + delay:.3g}"),)
+                )
             yield said, scaled(1, number, np.exp(1j * data.frequency * delay))
     for axis, signals in enumerate((outputs, inputs)):
         for (one, a), (other, b) in combinations(signals, 2):

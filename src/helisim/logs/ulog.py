@@ -55,8 +55,9 @@ def open_ulog(path: Path, digest: str) -> Topics:
         raise StorageError(f"{path}: not ULog, truncated or corrupt: {reason}") from None
     count, lost = len(log.dropouts), sum(dropout.duration for dropout in log.dropouts)
     damaged = LogFinding("corruption", "the log is damaged: messages were lost")
-    text = f"{count} dropouts of the logger, {lost} ms in all"
-    dropouts = LogFinding("dropout", text, count=count)
+    dropouts = LogFinding(
+        "dropout", f"{count} dropouts of the logger, {lost} ms in all", count=count
+    )
     findings = [*([damaged] if log.file_corruption else ()), *([dropouts] if count else ())]
     columns: dict[str, NDArray] = {}
     topics, clocks, units = {}, {}, {}

@@ -40,8 +40,9 @@ class SidAxis:
     @property
     def channel(self) -> Channel:
         """The injected signal."""
-        said = f"injected by SID_AXIS {self.number}"
-        return Channel(self.name, unit(self.unit).si, "OTHER", said)
+        return Channel(
+            self.name, unit(self.unit).si, "OTHER", f"injected by SID_AXIS {self.number}"
+        )
 
     @property
     def identifies(self) -> bool:

@@ -112,8 +112,9 @@ class Vibration(Value):
 
     def lag(self, frequency: float) -> tuple[float, ...]:
         """Return the lag of the gyro's filters at rad/s, deg: today's, and the proposed ones'."""
-        there = np.array([frequency])
-        return tuple(-float(np.angle(one(there)[0], deg=True)) for one in self.filters)
+        return tuple(
+            -float(np.angle(one(np.array([frequency]))[0], deg=True)) for one in self.filters
+        )
 
 
 class _Gyros(NamedTuple):

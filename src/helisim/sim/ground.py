@@ -111,8 +111,9 @@ class Deck(Brief):
         """Move a vehicle that stands on the deck at rest to where the deck is, moving along."""
         mujoco.mj_forward(model, data)
         deck, moving = data.body("deck"), np.zeros(6)
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        mujoco.mj_objectVelocity(model, data, kind, model.body("deck").id, moving, 0)
+        mujoco.mj_objectVelocity(
+            model, data, mujoco.mjtObj.mjOBJ_BODY, model.body("deck").id, moving, 0
+        )
         arm, turned, own = np.zeros(3), np.zeros(4), np.zeros(4)
         mujoco.mju_rotVecQuat(arm, data.qpos[:3], deck.xquat)
         mujoco.mju_mulQuat(turned, deck.xquat, data.qpos[3:7])

@@ -181,8 +181,9 @@ class ScriptedPilot:
         try:
             script = self._mission.fly(self._pilot)
             if not isinstance(script, Iterator):
-                kind = type(self._mission).__name__
-                raise InputError(f"{kind}.fly must yield for each tick of the pilot")
+                raise InputError(
+                    f"{type(self._mission).__name__}.fly must yield for each tick of the pilot"
+                )
             for _ in script:
                 for name, value in vars(self._pilot.wanted).items():
                     if value is not None and not np.all(np.isfinite(value)):
