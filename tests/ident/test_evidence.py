@@ -10,7 +10,7 @@ from scipy.signal import chirp, cont2discrete, lfilter
 
 import helisim as hs
 import script
-from helisim.ident.evidence import _cells, _driven, _filled, _frozen, _regressed  # noqa: F401  (rows name them)
+from helisim.ident.evidence import _cells, _driven, _filled, _frozen, _regressed, held, left_of  # noqa: F401  (rows name them)
 from helisim.ident.response import opposes
 from ident_data import record
 from tabled import tabled

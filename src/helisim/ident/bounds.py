@@ -85,9 +85,8 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
         covariance, noise, ratio = spread
         structural = _structural(cost, left, noise, minimised, scale, gain)
         covariance = covariance + structural
-        if cost.points.gap is not None:
-            moved = gain @ (scale * np.concatenate([cost.points.gap.real, cost.points.gap.imag]))
-            covariance = covariance + np.outer(moved, moved)
+        moved = gain @ (scale * np.concatenate([cost.points.gap.real, cost.points.gap.imag]))
+        covariance = covariance + np.outer(moved, moved)
         omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
     known = cost.structure.uncertain
     carried = np.zeros((x.size, len(known)))

@@ -42,7 +42,7 @@ class Points:
 
     `frequency` is in rad/s, `weight` W_g 20 / n_w, `bands` in rad/s; `output`, `input` and `pair`
     are indices. `covariance` is (n_point, n_point) E[d_k d_l*] of the relative errors d = dH/H, or
-    None; `gap` is (n_point,), the estimate less another of the same records, relative, or None.
+    None; `gap` is (n_point,), the estimate less another of the same records, relative.
     """
 
     pairs: tuple[str, ...]
@@ -54,8 +54,8 @@ class Points:
     output: NDArray[np.intp]
     input: NDArray[np.intp]
     pair: NDArray[np.intp]
-    covariance: NDArray[np.complex128] | None = None
-    gap: NDArray[np.complex128] | None = None
+    covariance: NDArray[np.complex128] | None
+    gap: NDArray[np.complex128]
 
     @property
     def deviation(self) -> Real:
@@ -112,10 +112,10 @@ def select(
 
     o, i = (each(places[name][axis] for name in kept) for axis in (0, 1))
     measured = frf.response[o, i, at]
-    covariance = gap = None
+    covariance, gap = None, np.zeros(measured.shape, dtype=np.complex128)
     if frf.scatter is not None:
         covariance = frf.scatter.covariance(o, i, at) / np.outer(measured, measured.conj())
-        gap = None if frf.scatter.gap is None else frf.scatter.gap[o, i, at] / measured
+        gap = np.broadcast_to(frf.scatter.gap, frf.scatter.bias.shape)[o, i, at] / measured
     share = each((20.0 / k.size for k in chosen.values()), np.float64)
     return Points(
         pairs=kept,

@@ -52,6 +52,9 @@ _STILL, _MOVES = 0.01, 0.2
 # of their motion that are rest: controllers by rates move 0.01 to 0.15, or rest for 0 to 0.1 of it
 _BRIEF, _Y_RESTS, _U_RESTS = (0.15, 0.5), 0.1, 0.03
 _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of changes at its ticks
+# Mean square of a control's steps, in its variance, from which they are designed: white values have
+# 2, a sweep up to three values a period has 1
+_JUMPS = 1.0
 # Share of samples that may lie on straight lines; so many in a row, in all channels, were filled;
 # of the mean bend, what more than rounding bends
 _FILLED, _STRAIGHT, _BENDS = 0.005, 3, 0.1
@@ -162,8 +165,9 @@ def _slopes(flights: Sequence[FlightRecord], frf: FrequencyResponse) -> Iterator
     have = [name for name in RATES if all({name, ANGLES[name]} <= {*one.names} for one in flights)]
     if not {*have} & {*frf.outputs}:
         return
-    parts = [(one, one.sample_time) for one in flights]
-    slopes, error, _ = slope_matrix(parts, have, (frf.frequency[0], frf.frequency[-1]))
+    slopes, error, _ = slope_matrix(
+        [(one, one.sample_time) for one in flights], have, (frf.frequency[0], frf.frequency[-1])
+    )
     for order in permutations(range(len(have))):
         moved = [(k, n) for k, n in enumerate(order) if k != n]
         if moved and all(
@@ -531,9 +535,12 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -
 
 
 def _between_bends(values: Real) -> int:
-    """Return the samples from bend to bend of a column, (n_time,); 1 if it bends anywhere."""
+    """Return the samples from bend to bend of a column, (n_time,); 1 if it bends anywhere.
+
+    What stands still for half of the time was held, if anything.
+    """
     bend = np.abs(np.diff(values, 2))
-    return _ticks(bend > _BENDS * np.mean(bend))
+    return _ticks(bend > _BENDS * np.mean(bend)) if np.median(np.abs(np.diff(values))) else 1
 
 
 def _ticks(happens: NDArray[np.bool_]) -> int:
@@ -549,7 +556,7 @@ def _ticks(happens: NDArray[np.bool_]) -> int:
 def _frozen(
     flights: Sequence[FlightRecord], frf: FrequencyResponse, inputs: Sequence[str]
 ) -> Iterator[Note]:
-    """Yield outputs that stand still while inputs move, or that are held for several samples."""
+    """Yield outputs that stand still while inputs move, and signals that are held for samples."""
     total, step = sum(map(len, flights)), flights[0].sample_time
     for output in frf.outputs:
         still = sum(
@@ -565,25 +572,55 @@ def _frozen(
                 f"{output} stands still for {100.0 * still / total:.2g} % of the samples while "
                 "inputs move, frozen or at its sensor's end: leave that out",
             )
-        every = max(_ticks(np.diff(one[output]) != 0.0) for one in flights)
-        runs = np.hstack([np.diff(np.flatnonzero(np.diff(one[output]))) for one in flights])
-        values = np.unique(np.hstack([one[output] for one in flights]))
-        # a value that never comes again is no step of a converter's
-        if runs.size > _HELD and values.size > _REGULAR * runs.size:
-            every = max(every, round(float(np.median(runs))))
-        if every > 1:
-            yield Note(
-                "delay",
-                f"{output} changes once in {every} samples only: it was logged slower, and is "
-                f"{500.0 * (every - 1) * step:.3g} ms late on average, which its delays have",
+    for name in (*inputs, *frf.outputs):
+        mine = name in inputs
+        if (every := held(flights, name, control=mine)) > 1:
+            late = f"{500.0 * (every - 1) * step:.3g} ms"
+            why = (
+                f"if it moved between and was logged slower, delays are {late} longer: the errors "
+                "hold that"
+                if mine
+                else f"it was logged slower, and is {late} late on average, which its delays have"
             )
+            yield Note(
+                "held" if mine else "delay", f"{name} changes once in {every} samples only: {why}"
+            )
+
+
+def held(flights: Sequence[FlightRecord], name: str, *, control: bool) -> int:
+    """Return for how many samples a signal's values last, 1 if they are its own.
+
+    Uneven holds are told by values that never come again, which are no converter's steps; those of
+    a control by none that is brief. 0: a control that jumps as far as it moves at all, by design.
+    """
+    columns = [one[name] for one in flights]
+    moves = [np.diff(one) != 0.0 for one in columns]
+    every = max(map(_ticks, moves))
+    runs = np.hstack([np.diff(np.flatnonzero(one)) for one in moves])
+    if runs.size > _HELD and (usual := round(float(np.median(runs)))) > every:
+        new = np.unique(np.hstack(columns)).size > _REGULAR * runs.size
+        brief = float(np.quantile(runs, 1.0 - _REGULAR)) <= 0.5 * usual
+        every = usual if new or (control and not brief) else every
+    steps = max(np.mean(np.diff(one[::every]) ** 2) / (np.var(one) + 1e-300) for one in columns)
+    return 0 if control and steps > _JUMPS else every
+
+
+def left_of(flights: Sequence[FlightRecord], name: str, omega: Real) -> Complex:
+    """Return what is left of a motion, (n_freq,) at rad/s, of which an input held samples.
+
+    A jump at its sample comes half a step after the line that leads to it.
+    """
+    every = held(flights, name, control=True)
+    age = flights[0].sample_time * (np.arange(every) if every else np.array([-0.5]))
+    return np.mean(np.exp(-1j * np.outer(age, omega)), axis=0)
 
 
 # Of a cell: its Hann window passes a third of the frequency either way; cells that begin within one
 _PERIODS, _OVERLAP = 3.0, 4
 # of Hann windows 1/4, 1/2 and 3/4 of their length apart: the correlation of white noise in them
 _CORRELATION = (1.0, 0.659, 0.167, 0.0075)
-_INDEPENDENT = 0.52  # of such cells: 1 over the sum of the correlations' squares
+# of such cells: 1 over the sum of the correlations' squares, and of their fourth powers
+_INDEPENDENT, _OF_POWERS = 0.52, 0.725
 _CELLS_APART = 1.4  # from one frequency to the next: cells of neighbours have little in common
 _CELLS, _FAINT = 8, 1e-3  # for each unknown; of a drive's mean power, below which it is at rest
 
@@ -667,5 +704,5 @@ def _regressed(
     more, rest = np.abs(y) ** 2 - made, np.abs(e) ** 2
     size = np.sum(more**2, axis=0) + 1e-300
     grows = np.sum(more * rest, axis=0) / size
-    sure = grows * np.sqrt(_INDEPENDENT * size) / (rest.mean(axis=0) + 1e-300)
+    sure = grows * np.sqrt(_OF_POWERS * size) / (rest.mean(axis=0) + 1e-300)
     return surprise, bias, grows, sure

@@ -17,7 +17,7 @@ from helisim.base.errors import IdentificationError, InputError, check_known
 from helisim.base.note import Option
 from helisim.base.settings import Limits, convert
 from helisim.ident.conditions import Conditions
-from helisim.ident.evidence import evidence, joint_evidence
+from helisim.ident.evidence import evidence, joint_evidence, left_of
 from helisim.ident.local import Local, with_gap
 from helisim.ident.predictor import Predictor
 from helisim.ident.response import FrequencyResponse
@@ -114,6 +114,7 @@ def frequency_response(
         flags += _warned(_coherent(between, references, frequency), CrossControlWarning)
 
     active = (*wanted, *others)
+    lost = -np.log([left_of(flights, name, frequency) for name in active])
 
     def estimated(names: tuple[str, ...]) -> tuple[FrequencyResponse, FrequencyResponse]:
         """Return the response to the wanted inputs, and the one to all that are active."""
@@ -140,7 +141,7 @@ def frequency_response(
             sources=tuple(one.digest for one in flights),
             spans=tuple(filter(None, map(flight_span, flights))),
             conditions=Conditions.of(flights),
-            scatter=found.scatter,
+            scatter=replace(found.scatter, gap=found.scatter.gap + found.response * lost),
         )
         return whole.part(len(wanted)), whole
 
@@ -285,8 +286,9 @@ def flights_of(records: FlightRecord | Iterable[FlightRecord]) -> tuple[FlightRe
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     for position, flight in enumerate(flights):
         if not isinstance(flight, FlightRecord):
-            kind = type(flight).__name__
-            raise InputError(f"record {position} is a {kind}, expected a FlightRecord")
+            raise InputError(
+                f"record {position} is a {type(flight).__name__}, expected a FlightRecord"
+            )
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
     return flights

@@ -29,7 +29,7 @@ from helisim.ident.conditions import Conditions
 from helisim.ident.cost import Band, Cost, select, within
 from helisim.ident.diagnosis import delay_names, residual
 from helisim.ident.evaluate import Sensitivity, response
-from helisim.ident.evidence import evidence
+from helisim.ident.evidence import evidence, left_of
 from helisim.ident.fit import fitted_parameters
 from helisim.ident.frf import (
     POINTS_PER_DECADE,
@@ -111,7 +111,9 @@ def identify_records(
     turns = _HIDDEN if any(missing_of(one).any() for one in flights) else ()
     hidden = [[with_more_missing(one, later) for one in flights] for later in turns]
     lines, *fewer = (_transforms(some, structure, edges) for some in (flights, *hidden))
-    of = _Likelihood(structure, lines, fewer)
+    left = np.stack([left_of(flights, name, lines.omega) for name in structure.inputs], axis=1)
+    fresh = [one._replace(inputs=one.inputs / left) for one in fewer or [lines]]
+    of = _Likelihood(structure, lines, fresh)
     x, agreeing, converged = _search(of, searches, seed, on_progress or (lambda _: None))
     _refuse_growth(structure, of.values(x), longest)
     data = _shown(of, x, flights)
@@ -178,8 +180,8 @@ def _transforms(flights: Sequence[FlightRecord], structure: Structure, band: Ban
             "parameters",
             remedy="band,fix",
         )
-    longest = max(one.duration for one in flights)
-    return _Lines(omega, record, rows[:, :n_in], rows[:, n_in:], 2.0 * math.pi / longest)
+    spacing = 2.0 * math.pi / max(one.duration for one in flights)
+    return _Lines(omega, record, rows[:, :n_in], rows[:, n_in:], spacing)
 
 
 def _with_ends(structure: Structure) -> Structure:

@@ -12,7 +12,7 @@ independent of the reference, which fails for the direct method under feedback.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,7 +172,7 @@ class LocalScatter(Value):
 
     `share` is (n_width, n_out, n_in, n_freq), `noise` (n_freq, n_out, n_out) one-sided spectra,
     `bias` (n_out, n_in, n_freq) and `spread` likewise, an independent error from the choice of
-    widths.
+    widths; `gap` as in `Scatter`, to another estimate.
     """
 
     frequency: Real
@@ -181,7 +181,7 @@ class LocalScatter(Value):
     noise: Complex
     bias: Real
     spread: Real
-    gap: ClassVar[None] = None  # to a better estimate: there is none
+    gap: Complex | float = 0.0
 
     def covariance(self, output: Index, input_: Index, position: Index) -> Complex:
         """Return E[dH_k dH_l*], (n_point, n_point)."""
