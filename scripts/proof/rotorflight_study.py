@@ -58,6 +58,8 @@ def main(
             path.write_bytes(blackbox_logs.encode(columns, flights.header(law, period)))
             found = tune_blackbox([str(path)])
         told.update(fit.verdict.word or "excellent" for fit in found.fits)
+        better = {".".join(one.name.split("_")[:2]): one.after for one in found.changes}
+        flies = figures(law.replace(better))
         for one in found.axes:
             true = today.figures(one.axis)
             for name in FIGURES:
@@ -68,12 +70,9 @@ def main(
                 held.setdefault((one.axis, name), []).append(inside)
                 off.setdefault((one.axis, name), []).append(own.value - true[name].value)
             if one.tuned:
-                word = WORDS[one.axis]
-                gains = {change.name.split("_")[1]: change.after for change in one.changes}
-                axis = replace(getattr(law, word), **gains)
-                flies = figures(replace(law, **{word: axis})).figures(one.axis)
+                flown_by = flies.figures(one.axis)
                 new += [
-                    (seed, word, name, one.tuned[name].value, flies[name].value)
+                    (seed, WORDS[one.axis], name, one.tuned[name].value, flown_by[name].value)
                     for name in ("gain_margin", "phase_margin", "DRB")
                     if np.isfinite(one.tuned[name].low)
                 ]

@@ -18,7 +18,7 @@ from helisim.ident.evaluate import linear, response
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program, value_at
 from helisim.ident.transfer import transfer_function
 from ident_data import of_model
-from tabled import tabled
+from tabled import rows, tabled
 
 FREQUENCY = np.geomspace(0.7, 30.0, 7)
 
@@ -156,15 +156,7 @@ def test_structures_move_to_other_channels():
     assert (sticks.name, sticks.inputs) == ("rollpitch_in2", ("LAT", "LON"))
     assert set(sticks.input_delays) == {"LAT", "LON"}
     assert sticks.renamed({"p": "P"}).name == "rollpitch_in2"
-    for call, message in (
-        (lambda: structures.heave.renamed({"ped": "PED"}), "'ped'; available: col, w"),
-        (lambda: structures.named("hove"), "available: heave"),
-        (lambda: structures.heave.with_fixed({"tau": 0.0}), "available: Z_w"),
-        (
-            lambda: structures.heave.with_fixed({"Z_w": 0.0}, {"Z_col": 0.1}),
-            "fixed parameter with an error 'Z_col'",
-        ),
-    ):
+    for call, message in rows(globals(), "test_structures_move_to_other_channels"):
         with pytest.raises(UnknownNameError, match=message):
             call()
 

@@ -21,7 +21,7 @@ from helisim.study.log_tune import errs
 from helisim.vehicle.parameters import model_folder
 from plates import H3_120
 from sid_logs import TRUTH, SidLog
-from tabled import tabled
+from tabled import rows, tabled
 
 LINE = 98  # characters of a line that ArduPilot reads; the rest would be the next line's name
 
@@ -59,17 +59,7 @@ def test_the_hover_is_the_vehicle_s(made):
 
 def test_reversed_servos_and_turned_plates_are_set_right():
     """Mixed as ArduPilot mixes, each of its commands still moves its own control the right way."""
-    changes = {
-        "swashplate.front_angle": math.pi / 2.0,
-        "swashplate.left_angle": math.radians(-150.0),
-        "swashplate.right_angle": math.radians(-30.0),
-        "swashplate.front_sign": -1.0,
-        "outputs.left_travel": -0.0005,
-        "outputs.right_channel": 5.0,
-        "outputs.tail_channel": 6.0,
-        "outputs.tail_travel": -0.0004,
-        "outputs.front_trim": 0.00152,
-    }
+    changes = dict(rows(globals(), "test_reversed_servos_and_turned_plates_are_set_right"))
     own = hs.load("jr700", parameters=changes)
     outputs = Outputs.of(own.parameters)
     plate, remarks = swashplate(own, outputs)
@@ -123,16 +113,26 @@ def test_gains_that_swing_a_flapping_mode_up_are_not_allowed():
     """
     s, hover, flapping = 1j * BAND, [1.0, -0.4, 1.0], [1.0 / 3600.0, 0.4 / 60.0, 1.0]
     bottom = np.polymul([1.0, 0.0], np.polymul(hover, flapping))
-    loops = {k: k * (s + 0.5) ** 2 / np.polyval(bottom, s) for k in (5.0, 15.0, 40.0, 120.0)}
+    loops = {k: k * (s + 0.5) ** 2 / np.polyval(bottom, s) for k in (0.2, 5.0, 15.0, 40.0, 120.0)}
     grow = {
         k: np.count_nonzero(np.roots(np.polyadd(bottom, k * np.poly([-0.5, -0.5]))).real > 0.0)
         for k in loops
     }
-    assert grow == {5.0: 0, 15.0: 0, 40.0: 2, 120.0: 2}
+    assert grow == {0.2: 2, 5.0: 0, 15.0: 0, 40.0: 2, 120.0: 2}
     for k, loop in loops.items():
         one = _Closed(*[loop[None]] * 3, loop, loops[120.0], -2.0)
         assert one.growing() == grow[k] - 2
+        assert one.growing(10.0) == (0 if k > 15.0 else -2)  # those of flapping alone
         assert one.keeps(Required(0.0, 0.0, np.inf)) == (grow[k] == 0)
+
+
+def test_margins_count_from_the_lowest_frequency_that_is_told():
+    """Hover modes leave 15.7 dB at 1.2 rad/s to less gain, flapping 28.7 dB at 59 to more."""
+    s, bottom = 1j * BAND, np.polymul([1.0, -0.4, 1.0, 0.0], [1.0 / 3600.0, 1.4 / 60.0, 1.0])
+    loop = 3.0 * (s + 0.5) ** 2 / np.polyval(bottom, s)
+    one = _Closed(*[loop[None]] * 3, loop, loop)
+    kept = [one.keeps(Required(20.0, 0.0, np.inf, lowest=at)) for at in (BAND[0], 2.0)]
+    assert kept == [False, True]
 
 
 def test_small_gains_are_found_and_gusts_count():

@@ -13,7 +13,7 @@ from helisim.sitl.systemid import Sweep, fly_sweep, fly_sweeps
 pytest.importorskip("pymavlink", reason="a ground station speaks by pymavlink")
 
 from played_copter import GUIDED, LAND, STABILIZE, STEP, SYSTEMID, PlayedCopter
-from tabled import tabled
+from tabled import rows, tabled
 
 ARM, TAKE_OFF = 400, 22
 """MAVLink's common.xml: MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_NAV_TAKEOFF."""
@@ -54,19 +54,8 @@ def test_from_the_ground_to_the_ground(copter):
         yield from pilot.land()
 
     copter.fly(script(), pilot)
-    assert [what for _, *what in copter.log] == [
-        ["set", "LOG_DISARMED", 1.0],
-        ["mode", STABILIZE],
-        ["command", ARM, 1.0, *[0.0] * 6],
-        ["mode", GUIDED],
-        ["command", TAKE_OFF, *[0.0] * 6, 4.0],
-        ["mode", GUIDED],
-        # the local frame; position and yaw count (MAVLink, POSITION_TARGET_TYPEMASK)
-        ["target", 6.0, -8.0, -5.0, 1, 0b100111111000, *[0.0] * 5],
-        ["mode", LAND],
-        ["command", ARM, *[0.0] * 7],
-        ["set", "LOG_DISARMED", 0.0],
-    ]
+    log = rows(globals(), "test_from_the_ground_to_the_ground")
+    assert [tuple(what) for _, *what in copter.log] == log
     begun = {tuple(what[:3]): time for time, *what in copter.log}
     # the EKF, its rest, and the log's start; then the rotor's run-up
     assert begun["mode", STABILIZE] > 9.0 + 5.0 + 3.0

@@ -14,6 +14,8 @@ from helisim.cli import main
 from helisim.design import laws
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.loop import Curve
+from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import PredictedLoop
 from helisim.logs.blackbox import Blackbox
 from helisim.study import rotorflight_tune
@@ -193,6 +195,15 @@ def test_a_loop_that_crosses_over_beyond_its_model_is_no_figure(log, few_draws, 
     (yaw,) = tune_blackbox([str(log)]).axes
     assert "and the flight tells the model to 4.99; fly for two" in yaw.why
     assert math.isnan(yaw.today["crossover"].low)
+
+
+def test_a_gain_margin_is_told_within_the_models_band_alone():
+    """The nearest is 7 dB at 1 rad/s, which the pilot holds; at 20 rad/s one is told."""
+    at, own = np.geomspace(0.5, 500.0, 400), {"gain_margin": Interval(9.0, 8.0, 10.0)}
+    for turns, sure in (([1.0, 80.0], False), ([1.0], False), ([1.0, 20.0], True)):
+        lag = math.pi - 0.3 * np.prod([np.sign(one - at) for one in turns], axis=0)
+        found = rotorflight_tune._seen(own, Curve(at, np.exp(-1j * lag) / (1.3 + at)), [])
+        assert math.isfinite(found["gain_margin"].low) == sure, turns
 
 
 def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):

@@ -21,7 +21,7 @@ from helisim.vehicle import build
 from helisim.vehicle.build import Change, elements, unwritten, write_numbers
 from helisim.vehicle.parameters import model_folder, read_parameters
 from heron import copied, edited
-from tabled import tabled
+from tabled import rows, tabled
 
 
 @pytest.fixture(scope="module")
@@ -136,15 +136,8 @@ def path(tmp_path):
 
 def test_elements_know_where_they_stand_and_only_what_is_set_changes(path):
     found = [*elements(path, path.read_bytes())]
-    assert [(one.tag, one.name, one.line) for one in found][1:8] == [
-        ("worldbody", "", 4),
-        ("body", "one", 5),
-        ("freejoint", "j", 6),
-        ("geom", "g", 7),
-        ("body", "two", 9),
-        ("geom", "", 10),
-        ("actuator", "", 13),
-    ]
+    known = rows(globals(), "test_elements_know_where_they_stand_and_only_what_is_set_changes")
+    assert [(one.tag, one.name, one.line) for one in found][1:8] == known
     assert found[2].place == f'{path}, line 5: <body name="one">'
     _, _, _, _, g, two, *_ = elements(path, path.read_bytes())
     geom = Change.to(g, {"size": [0.3], "mass": [], "group": [2], "rgba": []})

@@ -15,7 +15,7 @@ from helisim.handling.measured.interval import Interval, intervals
 
 ATTITUDE_DRB = "attitude_DRB"
 """Figure: DRB of a disturbance of the attitude alone, as of an estimate that drifts, rad/s."""
-_LOWEST, _POINTS = 0.2, 500  # rad/s, and how many up to half of the law's ticks
+LOWEST, _POINTS = 0.2, 500  # rad/s, and how many up to half of the law's ticks
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +61,18 @@ class Ticking(Linear, Protocol):
 class PredictedLoop(ClosedLoop):
     """The loop of an identified model, and as `draws` those of models as likely, by the same law.
 
-    A model tells it at all frequencies, up to half of an autopilot's ticks.
+    Models tell it from a lowest frequency up to half of an autopilot's ticks.
     """
 
     draws: tuple[ClosedLoop, ...] = ()
 
     @classmethod
-    def of(cls, plants: Sequence[Linear], law: Ticking) -> Self:
-        """Return the loop of the first plant, the likeliest, and of all others as draws."""
-        grid = np.geomspace(_LOWEST, np.pi / law.period, _POINTS)
+    def of(cls, plants: Sequence[Linear], law: Ticking, lowest: float = LOWEST) -> Self:
+        """Return the loop of the first plant, the likeliest, and of all others as draws.
+
+        It is from `lowest`, rad/s, on.
+        """
+        grid = np.geomspace(lowest, np.pi / law.period, _POINTS)
         first, *others = (ClosedLoop(plant, law, grid) for plant in plants)
         return cls(first.plant, law, grid, tuple(others))
 

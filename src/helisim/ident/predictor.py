@@ -4,17 +4,23 @@ With y(t) = K_y y + K_u u + e(t) over lags, by least squares, H = (1 - K_y)^-1 K
 Identification: Theory for the User, 2nd ed., 1999, ch. 7 and 13). What a gust brings at t can't
 have come back into u before t: feedback by a law, or by a pilot who answers gusts, biases nothing
 as long as the lags are enough to foresee gusts. Lags are single ones, then means over wider ones.
+
+A servo at its limit of speed lags the more, the larger the command. The cube of each input's speed
+is one more input, over short lags, so that H is the response to small motion. A cube is not all of
+such a limit: what it moves the response by is one more error.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from helisim.base.arrays import Complex
 from helisim.ident.local import Local
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
 
 _TICK, _MEMORY = 0.45, 4.0  # rad of the band's top between samples; of its lower edge in all lags
-_SINGLE = 5.0  # lags until their means grow wider, by a factor of e in as many
+# Lags until their means grow wider, by a factor of e in as many; s, for which a servo may be late
+_SINGLE, _SLEWS = 5.0, 0.12
 
 
 class Predictor(Local):
@@ -33,27 +39,30 @@ class Predictor(Local):
         tick = max(round(_TICK / (omega[-1] * longest)), 1) * longest
         count = _SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE))
         edges = np.rint(_SINGLE * np.sinh(np.arange(count + 1.0) / _SINGLE)).astype(np.intp)
-        wide, parts = np.diff(edges), []
+        wide, slow, parts, told = np.diff(edges), edges[1:] * tick <= _SLEWS, [], list[Complex]()
         for one in self._records:
             size = max(round(tick / one.sample_time), 1)
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
             mean = values.mean(axis=1) - values.mean(axis=(0, 1))
-            total = np.concatenate([np.zeros((1, len(names))), np.cumsum(mean, axis=0)])
+            speed = np.diff(mean[:, n_out:], axis=0, prepend=mean[:1, n_out:])
+            total = np.cumsum(np.pad(np.hstack([mean, speed**3]), ((1, 0), (0, 0))), axis=0)
             at = np.arange(edges[-1], len(mean))
             before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
-            parts.append(np.hstack([before.reshape(at.size, -1), mean[at, :n_out]]))
-        rows, now = np.split(np.concatenate(parts), [wide.size * len(names)], axis=1)
-        unit = 1.0 / (rows.std(axis=0) + 1e-300)
-        left, size, right = np.linalg.svd(rows * unit, full_matrices=False)
-        root = unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0])
-        rest = now - left @ (left.T @ now)
-        turn = np.exp(-1j * tick * omega)[:, None]
+            each = before[:, :, : len(names)], before[:, slow, len(names) :], mean[at, :n_out]
+            parts.append(np.hstack([one.reshape(at.size, -1) for one in each]))
+        rows, now = np.split(np.concatenate(parts), [-n_out], axis=1)
+        turn, linear = np.exp(-1j * tick * omega)[:, None], wide.size * len(names)
         lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
-        kernel = np.einsum(
-            "fw,wso->fos", lag, (root @ (left.T @ now)).reshape(wide.size, len(names), n_out)
-        )
-        inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
-        whole = inverse @ kernel[:, :, n_out : n_out + len(inputs)]
+        for some in (rows[:, :linear], rows):  # without cubes, and with them
+            unit = 1.0 / (some.std(axis=0) + 1e-300)
+            left, size, right = np.linalg.svd(some * unit, full_matrices=False)
+            root = (unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0]))[:linear]
+            kernel = np.einsum(
+                "fw,wso->fos", lag, (root @ (left.T @ now)).reshape(wide.size, len(names), n_out)
+            )
+            inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
+            told.append(inverse @ kernel[:, :, n_out : n_out + len(inputs)])
+        (plain, whole), rest = told, now - left @ (left.T @ now)
         own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
@@ -70,6 +79,7 @@ class Predictor(Local):
             noise=noise,
             bias=still,
             spread=still,
+            gap=response - np.moveaxis(plain, 0, 2),
         )
         level, power = (
             np.real(np.diagonal(one, axis1=1, axis2=2)).T for one in (noise, self.spectra(outputs))

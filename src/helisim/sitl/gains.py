@@ -20,6 +20,7 @@ from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import HALF_POWER
 from helisim.handling.loop import BY_NAME, axis_of
+from helisim.handling.predicted import LOWEST
 from helisim.records.record import ATTITUDES, IN1, RATES
 
 LOOP_RATE = 400.0  # Hz, SCHED_LOOP_RATE
@@ -31,7 +32,7 @@ _LATE = {"lat": 0.25e-3, "lon": 0.25e-3, "ped": 0.25e-3 + 1.0 / LOOP_RATE}
 
 # rad/s, at which the feed-forward is read: above the hover's slow modes, below the rotor's.
 _HOLDS = 3.0
-BAND = np.geomspace(0.2, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
+BAND = np.geomspace(LOWEST, 1250.0, 250)  # rad/s, to half of ArduPilot's 400 Hz
 _TELLS = 10.0  # rad/s, at which 1 / |rate over command| is the unit of P
 # In that unit; where a flapping mode follows at a few rad/s, gains near 0.05 are the best.
 _P = np.concatenate([[0.0], np.geomspace(0.05, 1.0, 12), np.linspace(1.2, 3.0, 10)])
@@ -64,6 +65,7 @@ class Required(NamedTuple):
     of attitude alone, rad/s, and 1 of the rms of target less attitude, at most `error`: by `moves`,
     (4, n_freq), powers at `BAND` of what acts as added commands, as gusts do, and of each target.
     `ahead` is an FF that may be taken in place of the one that holds a rate, or any between.
+    Margins and peak are those from `lowest`, rad/s, on.
     """
 
     gain: float
@@ -75,6 +77,7 @@ class Required(NamedTuple):
     moves: Real = np.zeros((1 + len(COMMANDS), BAND.size))
     error: float = np.inf
     ahead: float = np.nan
+    lowest: float = LOWEST
 
 
 # SAE AS94900's 6 dB and 45 degrees; 5 dB of Tischler et al., AHS Forum 67, 2011. More is asked
@@ -288,8 +291,7 @@ def _best(
     p, _, d, ff, angle, slope = now[axis]
     without = now[axis]._replace(p=0.0, i=0.0, d=0.0, ff=0.0, angle=0.0)
     others = _Known.of(law({**now, axis: without}))
-    rate = responses(plants[0], BAND, [axis_of(axis).rate or ""], [axis])[0, 0]
-    unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(rate)))
+    unit = 1.0 / float(np.interp(_TELLS, BAND, np.abs(_own(plants[0], axis, BAND))))
     apart = 2 if len(slopes) > 1 else 1  # about as many gains with several filters
     tried = np.meshgrid(_P[::apart] * unit, _D, held[::apart], slopes, ahead)
     grid = np.reshape(tried, (len(tried), -1))
@@ -300,7 +302,8 @@ def _best(
         return np.array([p, _CORNER * (ff + p), d, ff, angle, slope])
 
     cuts = [
-        _Cut.of(plant, others, rows, axis, gains_of(grid[:, ::_SOME]), slopes) for plant in plants
+        _Cut.of(plant, others, rows, axis, gains_of(grid[:, ::_SOME]), slopes, required.lowest)
+        for plant in plants
     ]
     angles = {name: one.angle for name, one in now.items() if name != axis}
     moved = np.abs(strays(ClosedLoop(plants[0], others, BAND), axis, angles)) ** 2
@@ -383,13 +386,14 @@ class _Closed(NamedTuple):
     beside: Complex
     least: float = 0.0
 
-    def growing(self) -> Real:
+    def growing(self, lowest: float = LOWEST) -> Real:
         """Return how many more poles grow than those of the loop `beside`, (n_gains,).
 
         By Nyquist's criterion: both have the same open loop's poles, so the turns of
-        (1 + L) / (1 + L beside) about 0 count those of the closed loop alone.
+        (1 + L) / (1 + L beside) about 0 count those of the closed loop alone; from `lowest`, rad/s,
+        on, those that are faster.
         """
-        ratio = (1.0 + self.loop) / (1.0 + self.beside)
+        ratio = ((1.0 + self.loop) / (1.0 + self.beside))[:, lowest <= BAND]
         turned = np.sum(np.angle(ratio[:, 1:] / ratio[:, :-1]), axis=1)
         return -np.round((turned + np.angle(ratio[:, 0]) - np.angle(ratio[:, -1])) / np.pi)
 
@@ -443,12 +447,13 @@ class _Closed(NamedTuple):
         short = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
         lag = np.abs(behind[:, :-1] + shares * short)
         near = (passes & (np.abs(at) < required.gain)) | (ones & (lag < required.phase))
+        told = required.lowest <= BAND
         return (
-            (self.growing() <= self.least)
+            (self.growing(required.lowest) <= self.least)
             & np.any(above[:, BAND >= _SLOWEST], axis=1)
             & (loop[np.arange(len(loop)), last].imag < 0.0)
-            & ~np.any(near, axis=1)
-            & (-DB_PER_NEPER * np.log(np.abs(1.0 + loop).min(axis=1)) < required.peak)
+            & ~np.any(near[:, told[:-1]], axis=1)
+            & (-DB_PER_NEPER * np.log(np.abs(1.0 + loop[:, told]).min(axis=1)) < required.peak)
         )
 
 
@@ -490,10 +495,12 @@ class _Cut(NamedTuple):
         axis: str,
         some: Real,
         slopes: tuple[float, ...],
+        lowest: float,
     ) -> "_Cut":
         """Return it by a law without this axis, and what the command has of all that is sensed.
 
-        `rows` are as of `_rows`. The stablest of `some` gains, (6, n_gains), tell which are stable.
+        `rows` are as of `_rows`. The stablest of `some` gains, (6, n_gains), tell which are stable
+        from `lowest`, rad/s, on.
         """
         moved = ClosedLoop(plant, others, BAND).reached("actuators", axis)
         seen = [name for name in others.inputs if name in plant.outputs]
@@ -510,7 +517,7 @@ class _Cut(NamedTuple):
             beside=np.zeros(BAND.size, complex),
         )
         found = found._replace(beside=found.closed(some[:, :1]).loop[0])
-        return found._replace(least=float(found.closed(some).growing().min()))
+        return found._replace(least=float(found.closed(some).growing(lowest).min()))
 
     def closed(self, gains: Real) -> _Closed:
         """Return the loops of gains, (6, n_gains)."""

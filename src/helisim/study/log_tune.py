@@ -636,7 +636,7 @@ def searched(
                 none[error.axis] = _UNKNOWN
             continue
         gains = {axis: rounded(axis, one) for axis, one in gains.items()}
-        loop = PredictedLoop.of(plants, law(gains))
+        loop = PredictedLoop.of(plants, law(gains), required.lowest)
         tuned = {axis: loop.figures(axis) for axis in gains}
         short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
         left = {

@@ -6,7 +6,7 @@ all gains. Settings and units: design.laws.rotorflight.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from helisim.base.units import RAD_S_PER_RPM
 from helisim.design.laws import rotorflight as of
 from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import margins
+from helisim.handling.figures import MOST_GAIN, margins
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import FlownPlant, PredictedLoop
@@ -221,9 +221,10 @@ def tune_blackbox(
     """Return a Rotorflight helicopter's loops and better gains, from Blackbox logs of its flights.
 
     Models from the mixer's commands to the gyro are identified so that feedback and gusts don't
-    bias them: yaw with the setpoints as reference, roll and pitch by prediction. Gains and filters
-    are the header's, or those of `dump`, a file of `diff all` on the command line. Better gains are
-    as of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
+    bias them: yaw with the setpoints as reference, roll and pitch by prediction. Figures are those
+    from 2 rad/s on: what is slower the pilot holds. Gains and filters are the header's, or those of
+    `dump`, a file of `diff all` on the command line. Better gains are as of `tune_log`. Raises
+    StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     first = _opened(paths[0])
@@ -262,7 +263,7 @@ def tune_blackbox(
     plants = [plant, *(_elsewhere(one, rng) for one in plant.draws(DRAWS, seed=seed))]
     on_step("loops as flown")
     axes = tuned_axes(plant)
-    loop = PredictedLoop.of(plants, today)
+    loop = PredictedLoop.of(plants, today, _BAND[0])
     stays = {axis: loop.figures(axis) for axis in axes}
     wrong = {
         axis: f"it crosses over at {at:.3g} rad/s, and the flight tells the model to {top:.3g}; "
@@ -280,7 +281,7 @@ def tune_blackbox(
         lambda some: _with(law, period, some),
         today,
         {axis: one for axis, one in stays.items() if axis not in wrong},
-        required,
+        required._replace(lowest=_BAND[0]),
         gusts,
         rounded=_whole,
         held=dict.fromkeys(axes, _HELD),
@@ -295,8 +296,8 @@ def tune_blackbox(
         if axis in gains:
             given = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
             changes = _changes(axis, gains[axis], law, plants, ahead=given or told is not None)
-            one = retuned(one, plant, today, better, tuned[axis], changes, gusts[axis])
-            one = replace(one, tuned=_seen(one.tuned, one.loops["predicted"], remarks))
+            shown = _seen(tuned[axis], ClosedLoop(plant, better).broken(axis), remarks)
+            one = retuned(one, plant, today, better, shown, changes, gusts[axis])
         found.append(one)
     return LogTuning(
         names,
@@ -322,21 +323,21 @@ def _models(
         )
 
     for own, others, reference, estimator in _FITS:
-        inputs = own.inputs
-        if motor_tail and "ped" in inputs:
+        if motor_tail and "ped" in own.inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
-        driven = moving(*reference) or reference
-        wanted = InferredFit(own.name, inputs, own.outputs, moving(*others), driven, _BAND, "")
-        words = " and ".join(axis_of(one).word for one in inputs)
-        if len(moving(*(one.upper() for one in inputs))) < len(inputs):
+        channels = own.inputs, own.outputs, moving(*others), moving(*reference) or reference
+        words = " and ".join(axis_of(one).word for one in own.inputs)
+        if len(moving(*(one.upper() for one in own.inputs))) < len(own.inputs):
             remarks.append(
                 f"no model of {words}: a setpoint of it is not logged or never moves, and feedback "
                 f"alone shows the controller's inverse; {_FLY}"
             )
             continue
         try:
-            (estimate,) = estimate_fits(records, [wanted], estimator)
+            (estimate,) = estimate_fits(
+                records, [InferredFit(own.name, *channels, _BAND, "")], estimator
+            )
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
             if blind := [k for k, x in fit.parameters.items() if math.isinf(x.standard_error)]:
                 raise IdentificationError(f"the flight does not show {', '.join(blind)}")
@@ -346,7 +347,7 @@ def _models(
         # lost frames are told by their numbers; whole counts lie on straight lines, too
         if any(reason.kind != "lost" for reason in fit.verdict.reasons):
             # figures of a doubtful model are of motion as large as was flown, and not of all
-            wrong |= dict.fromkeys(inputs, f"the model's {fit.verdict}; {_FLY}")
+            wrong |= dict.fromkeys(own.inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
     return fits, wrong
 
@@ -376,7 +377,11 @@ def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
 
 def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
     """Return figures; a gain margin beyond the models' band gets no bounds, and a remark."""
-    nearest, size = min(margins(loop).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0))
+    nearest, size = min(
+        (turn for turn in margins(loop).gain if turn[0] >= _BAND[0]),
+        key=lambda turn: abs(turn[1]),
+        default=(float(loop.frequency[-1]), MOST_GAIN),
+    )
     if nearest <= _BAND[1]:
         return dict(figures)
     remarks.append(
@@ -393,9 +398,10 @@ def _about(value: float) -> Interval:
 
 def _settings(axis: str, gains: Gains) -> dict[str, float]:
     """Return P, I and D in the command line's units, not rounded."""
-    name = _AXES[axis]
-    given = (gains.p, gains.angle * gains.p, gains.d)
-    return {term: one / command_of(name, term) for term, one in zip("pid", given)}
+    return {
+        term: one / command_of(_AXES[axis], term)
+        for term, one in zip("pid", (gains.p, gains.angle * gains.p, gains.d))
+    }
 
 
 def _with(law: of.Rotorflight, period: float, gains: Mapping[str, Gains]) -> Feedback:
