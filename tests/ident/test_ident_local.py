@@ -111,9 +111,9 @@ def test_a_servo_at_its_limit_of_speed_is_in_a_predictor_s_errors():
     asked = ASKED | {"band": (2.0, 20.0), "estimator": "predictor"}
     frf = frequency_response(record(0.005, lat=lat, p=p), **asked)
     expected = freqz(top, [1.0, -0.985], 0.005 * frf.frequency)[1]
-    off, held = frf.response[0, 0] - expected, np.abs(frf.scatter.gap[0, 0])
+    off, held = frf.response[0, 0] - expected, np.abs(frf.scatter.gap[0, 0, 0])
     assert np.mean(np.abs(off / expected)) < 0.07
-    assert np.mean(np.abs(off)) < 2.0 * np.mean(held) < 0.2 * np.mean(np.abs(expected))
+    assert np.mean(np.abs(off)) < np.mean(held) < 0.1 * np.mean(np.abs(expected))
 
 
 # The parts: lines of two flights
@@ -526,7 +526,7 @@ def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
 @pytest.mark.parametrize("standardised", [False, True])
 def test_the_accuracy_is_its_formulas(frf, standardised):
     points = chosen(frf)
-    points = replace(points, gap=0.01 * np.exp(1j * points.frequency))
+    points = replace(points, gap=0.01 * np.exp(1j * (points.frequency + [[0.0], [np.pi]])))
     cost = Cost(ROLLPITCH, points)
     x = vector([parameter.name for parameter in ROLLPITCH.free])
     found = accuracy(cost, x, standardised=standardised)
@@ -560,8 +560,8 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
     assert square > 0.005**2  # x is no minimum
     structural = square * gain @ alike @ gain.T
     assert found.structural == pytest.approx(np.sqrt(np.diag(structural)), rel=1e-6)
-    moved = gain @ (scale * np.concatenate([points.gap.real, points.gap.imag]))
-    errors = np.diag(gain @ covariance @ gain.T + structural) + moved**2
+    moved = gain @ (scale * np.hstack([points.gap.real, points.gap.imag])).T
+    errors = np.diag(gain @ covariance @ gain.T + structural) + np.sum(moved**2, axis=1)
     assert found.standard_error == pytest.approx(np.sqrt(errors), rel=1e-6)
 
 

@@ -85,8 +85,9 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
         covariance, noise, ratio = spread
         structural = _structural(cost, left, noise, minimised, scale, gain)
         covariance = covariance + structural
-        moved = gain @ (scale * np.concatenate([cost.points.gap.real, cost.points.gap.imag]))
-        covariance = covariance + np.outer(moved, moved)
+        # each an error of its own: together they could cancel
+        moved = gain @ (scale * np.hstack([cost.points.gap.real, cost.points.gap.imag])).T
+        covariance = covariance + moved @ moved.T
         omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
     known = cost.structure.uncertain
     carried = np.zeros((x.size, len(known)))

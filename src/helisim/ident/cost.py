@@ -42,7 +42,7 @@ class Points:
 
     `frequency` is in rad/s, `weight` W_g 20 / n_w, `bands` in rad/s; `output`, `input` and `pair`
     are indices. `covariance` is (n_point, n_point) E[d_k d_l*] of the relative errors d = dH/H, or
-    None; `gap` is (n_point,), the estimate less another of the same records, relative.
+    None; `gap` is (n_gap, n_point), the estimate less others of the same records, relative.
     """
 
     pairs: tuple[str, ...]
@@ -112,10 +112,11 @@ def select(
 
     o, i = (each(places[name][axis] for name in kept) for axis in (0, 1))
     measured = frf.response[o, i, at]
-    covariance, gap = None, np.zeros(measured.shape, dtype=np.complex128)
+    covariance, gap = None, np.zeros((0, measured.size), dtype=np.complex128)
     if frf.scatter is not None:
         covariance = frf.scatter.covariance(o, i, at) / np.outer(measured, measured.conj())
-        gap = np.broadcast_to(frf.scatter.gap, frf.scatter.bias.shape)[o, i, at] / measured
+        gap = (frf.scatter.gap + np.zeros(frf.scatter.bias.shape))[..., o, i, at]
+        gap = gap.reshape(-1, measured.size) / measured
     share = each((20.0 / k.size for k in chosen.values()), np.float64)
     return Points(
         pairs=kept,

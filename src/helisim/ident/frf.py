@@ -141,7 +141,10 @@ def frequency_response(
             sources=tuple(one.digest for one in flights),
             spans=tuple(filter(None, map(flight_span, flights))),
             conditions=Conditions.of(flights),
-            scatter=replace(found.scatter, gap=found.scatter.gap + found.response * lost),
+            scatter=replace(
+                found.scatter,
+                gap=np.stack(np.broadcast_arrays(found.scatter.gap, found.response * lost)),
+            ),
         )
         return whole.part(len(wanted)), whole
 

@@ -172,7 +172,7 @@ class LocalScatter(Value):
 
     `share` is (n_width, n_out, n_in, n_freq), `noise` (n_freq, n_out, n_out) one-sided spectra,
     `bias` (n_out, n_in, n_freq) and `spread` likewise, an independent error from the choice of
-    widths; `gap` as in `Scatter`, to another estimate.
+    widths; `gap` as in `Scatter`, to others.
     """
 
     frequency: Real
