@@ -526,7 +526,7 @@ def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
 @pytest.mark.parametrize("standardised", [False, True])
 def test_the_accuracy_is_its_formulas(frf, standardised):
     points = chosen(frf)
-    points = replace(points, gap=0.01 * np.exp(1j * (points.frequency + [[0.0], [np.pi]])))
+    points = replace(points, gap=0.01 * np.exp(1j * np.add(points.frequency, [[0.0], [np.pi]])))
     cost = Cost(ROLLPITCH, points)
     x = vector([parameter.name for parameter in ROLLPITCH.free])
     found = accuracy(cost, x, standardised=standardised)
