@@ -220,7 +220,7 @@ def _solve(band: _Band, pole: Complex | None, *, transient: bool) -> _Solved:
     if transient:
         basis = _orthonormal(band.offset, band.root / band.ratio * over)
         design, right = _without(basis, design), _without(basis, right)
-        taken = np.sum(np.abs(basis) ** 2, axis=3).reshape(n_freq, -1)
+        taken = np.einsum("...k,...k", basis, basis.conj()).real.reshape(n_freq, -1)
     adjoint = np.ascontiguousarray(design.conj().swapaxes(1, 2))
     normal = adjoint @ design
     power = np.real(np.diagonal(normal, axis1=1, axis2=2))
@@ -233,7 +233,7 @@ def _solve(band: _Band, pole: Complex | None, *, transient: bool) -> _Solved:
     inverse *= scale[:, :, None] * scale[:, None, :]
     every = inverse @ adjoint
     solution = every @ right
-    taken = taken + np.real(np.sum(design * every.swapaxes(1, 2), axis=2))
+    taken = taken + np.einsum("frc,fcr->fr", design, every).real
     loose = kernel * np.clip(1.0 - taken, 0.0, 1.0)
     return _Solved(
         over=over.reshape(n_freq, -1),
