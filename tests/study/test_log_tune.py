@@ -150,10 +150,11 @@ def test_stick_steps_tell_the_feed_forward_and_todays_loop(tmp_path, gusts, step
     assert {one.name[-3:] for one in found.changes} <= {"_FF"}
 
 
-def test_what_moves_too_little_is_told_with_what_to_fly(tmp_path, capsys):
+def test_what_moves_too_little_is_told_with_what_to_fly(logs, tmp_path, capsys):
     still = Flown().steps(size=0.0).save(tmp_path)
     found = tune_log(still)
     assert (found.axes, "no target of attitude" in found.remarks[0]) == ((), True)
+    assert "that should be in gusts: it stood" in " ".join(tune_log([logs[2], still]).remarks)
     assert main(["tune", str(still), "--quiet"]) == 1
     assert "no gains: " in " ".join(capsys.readouterr().out.split())
     (damaged := tmp_path / "b.bin").write_bytes(flipped(still.read_bytes(), 0.02, 1))

@@ -65,6 +65,7 @@ _SLOPES = (6.0, 10.0)  # Hz, filters of D that are tried
 _LEVEL, _SETTLES = 1.0, 3.0
 # rad/s, between `BAND` from 0.1 Hz on: slower errors are of trim, where no sweep tells a model
 _EDGES = np.sqrt([*BAND[:1], *BAND] * np.array([*BAND, *BAND[-1:]])).clip(0.2 * math.pi)
+_STILL = math.radians(0.02)  # of attitude's error, which ArduPilot's law takes for none
 _YAW = 7.5  # 1/s: beyond 120 deg/s^2 over its square, here 2 deg, ArduPilot's yaw follows a root
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
@@ -283,7 +284,9 @@ def tune_log(
         for axis in axes
         if axis not in wrong
     }
-    gusty = [open_dataflash(one, file_digest(one)) for one in map(Path, {*paths} - {*swept})]
+    gusty = [
+        open_dataflash(one, file_digest(one)) for one in map(Path, paths) if str(one) not in swept
+    ]
     moves = {
         axis: _flown_moves(gusty, plants[0], law, axis, remarks)
         if gusty
@@ -488,8 +491,9 @@ def noise_of(plant: Linear, law: Linear, axis: str) -> float:
 
 def errs(plant: Linear, law: Linear, axis: str, moves: Real) -> Real:
     """Return squares of the rms of target less attitude, (4,), by each of `Required.moves`."""
-    angles = getattr(law, "angle", {})  # Rotorflight's sticks ask for rates alone
-    return np.sum(moves * np.abs(strays(ClosedLoop(plant, law, BAND), axis, angles)) ** 2, axis=1)
+    # Rotorflight's sticks ask for rates alone
+    missed = strays(ClosedLoop(plant, law, BAND), axis, getattr(law, "angle", {}))
+    return np.sum(moves * np.abs(missed) ** 2, axis=1)
 
 
 def whites(plant: Linear, law: Linear, axis: str) -> Real:
@@ -509,11 +513,15 @@ def _flown_moves(
     found = np.mean([_moved(log, plant, axis) for log in logs], axis=0)
     parts = errs(plant, law, axis, found)
     whole = float(parts.sum())
+    tells = whole > _STILL**2
     remarks.append(
         f"{axis_of(axis).word} in gusts errs by {math.degrees(math.sqrt(whole)):.2g} deg with "
         f"today's gains, {parts[1:].sum() / whole:.0%} of its square because targets move"
+        if tells
+        else f"{axis_of(axis).word} errs by less than {math.degrees(_STILL):.2g} deg in the flight "
+        "that should be in gusts: it stood, or the air was calm, and gusts are taken as usual"
     )
-    return found / whole
+    return found / whole if tells else whites(plant, law, axis)
 
 
 def _moved(log: DataFlash, plant: Linear, axis: str) -> Real:
@@ -528,8 +536,9 @@ def _moved(log: DataFlash, plant: Linear, axis: str) -> Real:
     since, height = _histories(log).get("height, m", (np.zeros(1), np.zeros(1)))
     off = np.interp(ticks - log.begins, since, np.abs(height - np.median(height)))
     level = maximum_filter1d(off, 2 * round(_SETTLES / law.period) + 1) < _LEVEL
-    here = stretches(flies(log, ticks) & level)
-    time = ticks[slice(*max(here, key=np.ptp, default=(0, ticks.size)))]
+    time = ticks[
+        slice(*max(stretches(flies(log, ticks) & level), key=np.ptp, default=(0, ticks.size)))
+    ]
     lines = (
         line(angles.time, np.radians(angles[name]))
         for name in (LOGGED[axis][2].removeprefix("Des"), *(one for *_, one in LOGGED.values()))
@@ -539,10 +548,11 @@ def _moved(log: DataFlash, plant: Linear, axis: str) -> Real:
     angle, *aims = np.fft.rfft(moved - np.linspace(moved[:, 0], moved[:, -1], time.size, axis=1))
     turned, *missed = strays(ClosedLoop(plant, law, BAND), axis, law.angle)
     rows = np.fft.rfftfreq(time.size, law.period / (2.0 * np.pi))
-    follows = sum(np.interp(rows, BAND, by) * one for by, one in zip(missed, aims))
-    powers = np.abs([aims[COMMANDS.index(axis)] - angle - follows, *aims]) ** 2 / time.size**2
-    found = np.diff([np.interp(_EDGES, rows, np.cumsum(2.0 * one)) for one in powers])
-    return found / np.vstack([np.abs(turned) ** 2, np.ones((3, BAND.size))])
+    angle += sum(np.interp(rows, BAND, by) * one for by, one in zip(missed, aims))
+    powers = np.abs([aims[COMMANDS.index(axis)] - angle, *aims]) ** 2 / time.size**2
+    return np.diff([np.interp(_EDGES, rows, np.cumsum(2.0 * one)) for one in powers]) / np.vstack(
+        [np.abs(turned) ** 2, np.ones((3, BAND.size))]
+    )
 
 
 def retuned(
