@@ -224,14 +224,14 @@ def tune_log(
 ) -> LogTuning:
     """Return an ArduCopter-heli's loops and better gains, from logs of its SystemID sweeps.
 
-    A model is identified of each axis that was swept; today's gains and filters are the logs'. The
-    candidate's gains leave the least of disturbances and gusts at which the 95 % intervals of
-    gain margin, phase margin and peak of |S| still hold what is `required`; `seed` is of the
-    models as likely, `rotor_hz` and `tail` are as of `look.vibration`. Logs without a sweep tell
-    today's loops and the feed-forward, by what the pilot's sticks or AutoTune moved, or vibration
-    alone, and a remark says why. Beside sweeps they are flights in gusts, by which errors in gusts
-    are predicted. Raises StorageError, LogError, IdentificationError, or InputError where the
-    parameters aren't in the log.
+    A model is identified of each axis that was swept; today's gains and filters are the logs'. New
+    gains reject disturbances and gusts as well as they can while the 95 % intervals of gain margin,
+    phase margin and peak of |S| hold what is `required`; `seed` is of the models as likely,
+    `rotor_hz` and `tail` are as of `look.vibration`. Logs without a sweep tell today's loops and
+    the feed-forward, by what the pilot's sticks or AutoTune moved, or vibration alone, and a remark
+    says why. Beside sweeps they are flights in gusts, by which errors in gusts are predicted.
+    Raises StorageError, LogError, IdentificationError, or InputError where the parameters aren't in
+    the log.
     """
     paths = [str(one) for one in ([logs] if isinstance(logs, str | PathLike) else logs)]
     on_step("vibration")
