@@ -8,7 +8,7 @@ flights (R. Pintelon and J. Schoukens, System Identification: A Frequency Domain
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,7 +192,7 @@ class Bands(NamedTuple):
     `gain` is (n_width, n_out, n_in, n_freq), zero where not `valid` (n_width, n_freq); `residual`
     (n_width, n_freq, n_out, n_out) spectra of y - H u; `freedom` (n_width, n_freq) averaged lines;
     `full_gain` (n_freq, n_out, n_active) the narrowest width's; `active_gain` (n_freq, n_active,
-    n_drive); `weights` first lines, (n_flight,), and (n_in, n_flight, n_line) weights.
+    n_drive); `weights` of all valid widths, by frequency.
     """
 
     gain: Complex
@@ -201,7 +201,7 @@ class Bands(NamedTuple):
     freedom: Real
     full_gain: Complex
     active_gain: Complex
-    weights: tuple[dict[int, tuple[NDArray[np.intp], NDArray[np.complex64]]], ...]
+    weights: tuple[LineWeights, ...]
 
     @property
     def lost(self) -> NDArray[np.bool_]:
@@ -212,21 +212,16 @@ class Bands(NamedTuple):
         """Return the covariance for a unit disturbance, (n_width, n_width, n_in, n_freq)."""
         n_width, _, n_in, n_freq = self.gain.shape
         shared = np.zeros((n_width, n_width, n_in, n_freq))
-        for f, weights in enumerate(self.weights):
-            widths = sorted(weights)
-            value = LineWeights.side_by_side(widths, [weights[width] for width in widths]).value
-            flat = value.reshape(len(widths), n_in, -1).swapaxes(0, 1)
+        for f, one in enumerate(self.weights):
+            flat = one.value.reshape(one.part.size, n_in, -1).swapaxes(0, 1)
             product = np.real(flat @ flat.conj().swapaxes(1, 2))
-            shared[np.ix_(widths, widths, range(n_in), [f])] = product.transpose(1, 2, 0)[..., None]
+            shared[one.part[:, None], one.part, :, f] = product.transpose(1, 2, 0)
         return shared
 
     def packed(self, share: Real) -> tuple[LineWeights, ...]:
         """Return weights by frequency, of widths with a share, (n_width, n_out, n_in, n_freq)."""
-        packed = []
-        for f, weights in enumerate(self.weights):
-            used = [width for width in sorted(weights) if np.any(share[width, ..., f])]
-            packed.append(LineWeights.side_by_side(used, [weights[width] for width in used]))
-        return tuple(packed)
+        used = np.any(share, axis=(1, 2))
+        return tuple(one.only(used[one.part, f]) for f, one in enumerate(self.weights))
 
 
 def estimate_bands(task: Task) -> Bands:
@@ -243,8 +238,9 @@ def estimate_bands(task: Task) -> Bands:
         freedom=np.zeros((n_width, n_freq)),
         full_gain=np.zeros((n_freq, n_out, n_active), dtype=np.complex128),
         active_gain=np.zeros((n_freq, n_active, n_drive), dtype=np.complex128),
-        weights=tuple({} for _ in range(n_freq)),
+        weights=(),
     )
+    weights: list[dict[int, Any]] = [{} for _ in range(n_freq)]
     for width in range(n_width)[::-1]:
         for chosen, with_transient in _chunks(task, valid[width], transient, WIDTHS[width]):
             fit = _fit(task, chosen, width, transient=with_transient)
@@ -257,8 +253,9 @@ def estimate_bands(task: Task) -> Bands:
             found.freedom[width, k] = np.where(fit.fits, fit.freedom, 0.0)[ok]
             found.full_gain[k], found.active_gain[k] = gain[ok], into[ok]
             for f, at in zip(np.flatnonzero(ok), k):
-                found.weights[at][width] = fit.first[f], weight[f, : task.n_in]
-    return found
+                weights[at][width] = fit.first[f], weight[f, : task.n_in]
+    joined = (LineWeights.side_by_side([*one], [*one.values()]) for one in weights)
+    return found._replace(weights=tuple(joined))
 
 
 def _responses(task: Task, fit: BandFit) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -316,7 +313,7 @@ def _chunks(
         while rest.size:
             widest = 2.0 * relative * task.frequency[rest] / np.min(task.lines.spacing) + 1.0
             size = (np.arange(rest.size) + 1) * widest * n_flight * columns
-            small = (size <= _CHUNK) & (task.frequency[rest] <= 1.5 * task.frequency[rest[0]])
+            small = (size <= _CHUNK) & (task.frequency[rest] <= 2.0 * task.frequency[rest[0]])
             count = max(int(np.count_nonzero(small)), 1)
             groups.append((rest[:count], with_transient))
             rest = rest[count:]

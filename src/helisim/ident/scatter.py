@@ -165,6 +165,12 @@ class LineWeights(Value):
             row += len(value)
         return cls(np.array(part, dtype=np.intp), first, wide)
 
+    def only(self, used: NDArray[np.bool_]) -> "LineWeights":
+        """Return some of the parts, without lines in which they have no weight."""
+        lines = np.flatnonzero(np.any(self.value[used], axis=(0, 1, 2)))
+        span = slice(lines[0], lines[-1] + 1) if lines.size else slice(0, 1)
+        return LineWeights(self.part[used], self.first + span.start, self.value[used][..., span])
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalScatter(Value):

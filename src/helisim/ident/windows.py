@@ -30,9 +30,7 @@ _AS_PRINTED = 5e-4  # of a frequency, by which four digits may be off: what is a
 WINDOW_SPREAD = 5.0  # Largest ratio of window lengths (CIFER's usual 50 s to 10 s)
 PERIODS = 6.0
 """Least periods in a window of the composite, except the longest: fewer smear the response."""
-# _BLOCK: samples in a block of the kernel's phase table
-# _QUADRATURE: instants in a record where products of windows are summed
-_BLOCK, _QUADRATURE = 64, 512
+_QUADRATURE = 512  # instants in a record where products of windows are summed
 # in the composite's cost (Tischler and Remple); least denominator of a real or imaginary part
 _COHERENCE_WEIGHT, _PART_GUARD = 5.0, 0.1
 # _STEPS: Gauss-Newton steps; the problem is quadratic but for one term
@@ -91,10 +89,11 @@ def cross_spectra(
         columns = without_trend(record.select(names)) * fade[:, None]
         starts = segment_starts(samples, length)
         rows = np.pad(columns.T, ((0, 0), (length, length)))
-        segments = np.stack([rows[:, start : start + length] for start in starts + length])
-        flat = segments.reshape(-1, length) @ kernel(step).view(np.float64)
-        transforms = flat.view(np.complex128).reshape(starts.size, -1, frequency.size)
-        pieces.append(transforms.transpose(2, 1, 0))
+        segments = np.concatenate([rows[:, start : start + length] for start in starts + length])
+        late, early = segments[:, : -(length // 2) - 1 : -1], segments[:, 1 : length // 2 + 1]
+        turn, cosine, sine = kernel(step)
+        flat = ((late + early) @ cosine - 1j * ((late - early) @ sine)) * turn
+        pieces.append(flat.reshape(starts.size, -1, frequency.size).transpose(2, 1, 0))
         begins.append(np.asarray(starts * step, dtype=np.float64))
         shared.append(_shared_power(starts, length, fade))
     energy = np.concatenate([np.diagonal(one) for one in shared])
@@ -114,15 +113,17 @@ def cross_spectra(
     )
 
 
-def _kernel(length: int, step: float, frequency: Real) -> Complex:
-    """Return Hann window times exp(-j w t) dt, (length, n_freq)."""
-    blocks = -(-length // _BLOCK)
-    coarse = np.exp(-1j * np.outer(np.arange(blocks) * (_BLOCK * step), frequency))
-    fine = np.exp(-1j * np.outer(np.arange(_BLOCK) * step, frequency))
-    phases = (coarse[:, None, :] * fine[None, :, :]).reshape(-1, frequency.size)[:length]
-    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    phases *= (step * hann)[:, None]
-    return phases
+def _kernel(length: int, step: float, frequency: Real) -> tuple[Complex, Real, Real]:
+    """Return exp(-j w T/2), and Hann window dt times cos and sin of w t after its middle.
+
+    They are (n_freq,) and (length // 2, n_freq), the last instant first; the middle counts half.
+    """
+    number = np.arange(1, length // 2 + 1)
+    hann = step * (0.5 - 0.5 * np.cos(2.0 * np.pi * number / length))
+    hann[2 * number == length] *= 0.5
+    angle = np.outer((0.5 * length - number) * step, frequency)
+    middle = np.exp(-0.5j * length * step * frequency)
+    return middle, np.cos(angle) * hann[:, None], np.sin(angle) * hann[:, None]
 
 
 def segment_starts(samples: int, length: int) -> NDArray[np.intp]:

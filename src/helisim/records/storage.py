@@ -168,7 +168,10 @@ def _write_parquet(record: FlightRecord, path: Path) -> None:
     ]
     header = {"format": _FORMAT, "version": _VERSION, "provenance": dict(record.provenance)}
     schema = pa.schema(fields_, metadata={b"helisim": one_line(header)})
-    arrays = [pa.array(np.ascontiguousarray(one)) for one in (record.time, *record.values.T)]
+    arrays = [  # `pa.array` would import pandas: a fifth of a second
+        pa.Array.from_buffers(pa.float64(), one.size, [None, pa.py_buffer(one.tobytes())])
+        for one in (record.time, *record.values.T)
+    ]
     table = pa.Table.from_arrays(arrays, schema=schema)
     pq.write_table(table, path, compression="zstd", write_page_checksum=True)
 
