@@ -22,7 +22,7 @@ from helisim.ident import (
 from helisim.ident.ardupilot import ArduPilotModel, numbers_of
 from helisim.ident.conditions import Conditions
 from helisim.ident.evaluate import response
-from helisim.ident.evidence import answered
+from helisim.ident.feedback import answered
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record

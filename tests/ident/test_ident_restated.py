@@ -44,7 +44,7 @@ from helisim.ident.search import (
     search,
     starting_points,
 )
-from helisim.ident.transfer import transfer_function
+from helisim.ident.structures import transfer_function
 from helisim.ident.windows import Windows, compose, condition, cross_spectra
 from helisim.records.record import Channel, FlightRecord
 from ident_data import of_model, record

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from helisim.base.errors import InputError
 from helisim.ident import Fit, frequency_response, identify, verify
 from helisim.ident.frf import flight_span, share_seen
-from helisim.ident.transfer import transfer_function
+from helisim.ident.structures import transfer_function
 from helisim.logs import read_log, screen
 from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record

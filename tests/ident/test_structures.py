@@ -16,7 +16,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Parameter, Structure, identify, structures
 from helisim.ident.evaluate import linear, response
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program, value_at
-from helisim.ident.transfer import transfer_function
+from helisim.ident.structures import transfer_function
 from ident_data import of_model
 from tabled import rows, tabled
 

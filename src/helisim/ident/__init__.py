@@ -3,7 +3,7 @@
 from helisim.ident import blocks, structures
 from helisim.ident.ardupilot import ArduPilotModel
 from helisim.ident.diagnosis import Residual
-from helisim.ident.fit import identify
+from helisim.ident.fit import identify, suspicions
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import (
     ClosedLoopWarning,
@@ -16,7 +16,6 @@ from helisim.ident.modes import Mode, Modes
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.structure import Parameter, Structure, in_series
-from helisim.ident.trials import suspicions
 from helisim.ident.verification import Verification
 from helisim.ident.verify import verify
 

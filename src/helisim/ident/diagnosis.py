@@ -20,7 +20,7 @@ from helisim.ident.fitted import finite
 from helisim.ident.rational import FAST
 from helisim.ident.search import Minimum
 from helisim.ident.structure import DELAYS, Structure
-from helisim.ident.transfer import Rational, rational_form, transfer_function
+from helisim.ident.structures import Rational, rational_form, transfer_function
 
 Word = Literal["sound", "doubtful", "wrong"]
 

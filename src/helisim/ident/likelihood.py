@@ -44,7 +44,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.search import linear_parameters, minimum, scattered
 from helisim.ident.structure import Structure
-from helisim.ident.transfer import rational_form, transfer_function
+from helisim.ident.structures import rational_form, transfer_function
 from helisim.ident.windows import lowest_line
 from helisim.records.missing import missing_of, with_more_missing
 from helisim.records.record import FlightRecord, one_blas_thread, plain

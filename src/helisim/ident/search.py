@@ -14,7 +14,7 @@ from helisim.ident.cost import Cost
 from helisim.ident.expression import value_at
 from helisim.ident.rational import STEP, delay_grid, rational_fits
 from helisim.ident.structure import DELAYS, Structure
-from helisim.ident.transfer import Rational, rational_form
+from helisim.ident.structures import Rational, rational_form
 
 _APPROACH_STEPS = 60  # evaluations by relative errors, which only have to find the valley
 # Average cost at which a minimum that two starts share is believed: the guideline's limit; and the
