@@ -229,11 +229,11 @@ def small_answer(share):
     return [each.output for each in answers(held(lat=own, p=high + band(2.0, 6.0, 3)), [one], {})]
 
 
-def explained(share, **more):
+def explained(share, size=1.0, **more):
     """Return which commands explain outputs, of whose power pedals hold a share beyond lat."""
     noise = {name: np.random.default_rng(k).standard_normal(5000) for k, name in enumerate("abcd")}
     p = noise["a"] + np.sqrt(share) * noise["b"] + np.sqrt(1.0 - share) * noise["c"]
-    record = held(lat=noise["a"], ped=noise["b"], col=0.0 * p, lon=noise["d"], p=p, **more)
+    record = held(lat=noise["a"], ped=size * noise["b"], col=0.0 * p, lon=noise["d"], p=p, **more)
     return excited.beside([record, record], ("lat",), ("p",))
 
 

@@ -58,8 +58,9 @@ _SMOOTHED, _NARROWEST = 5, 2.0
 _LEAST_EVENTS, _LEAST_SHARE = 1.5, 0.1
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 # partial coherence of control and motion in a closed loop; share of what inputs leave of outputs
-# power, by chance a sixth (one over the windows), from which another control's part is taken out
-_FEEDBACK, _EXPLAINS = 0.5, 0.3
+# power, by chance a sixth (one over the windows), from which another control's part is taken out,
+# and its motion, of the inputs', from which it can have one
+_FEEDBACK, _EXPLAINS, _FAINT = 0.5, 0.3, 0.01
 _OWN = 0.05  # share of a control's power not explained by its stick
 _OF_OTHERS = {**dict.fromkeys(ATTITUDES, (0, 2)), **dict.fromkeys(ACCELERATIONS, (1, 1))}
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
@@ -273,6 +274,7 @@ def beside(
         for name in IN1
         if name not in inputs
         and all(name in one for one in records)
+        and max(np.ptp(one[name]) / max(np.ptp(one[i]) for i in inputs) for one in records) > _FAINT
         and np.mean([_share(one, (*inputs, name, *outputs), len(inputs)) for one in records])
         > _EXPLAINS
     ]
