@@ -274,7 +274,8 @@ def beside(
         for name in IN1
         if name not in inputs
         and all(name in one for one in records)
-        and max(np.ptp(one[name]) / max(np.ptp(one[i]) for i in inputs) for one in records) > _FAINT
+        and max(np.ptp(one[name]) for one in records)
+        > _FAINT * max(np.ptp(one[i]) for one in records for i in inputs)
         and np.mean([_share(one, (*inputs, name, *outputs), len(inputs)) for one in records])
         > _EXPLAINS
     ]
