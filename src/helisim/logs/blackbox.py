@@ -32,6 +32,7 @@ from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES
 
 _START = b"H Product:Blackbox flight data recorder"
 _SNIFFED = 1 << 16  # bytes of a file that show whether it is a Blackbox log
+_EMPTY = re.compile(rb"(?<!\xff)\xff+\Z")  # of a memory that isn't full
 _LINE = re.compile(rb"H (?:([^\n:]{1,200}):([^\n]{0,20000})|[ -~]{0,2000})\n")
 _SLOWEST = 640_000  # largest interval from an I frame to the next, iterations
 _BEYOND = 64  # bytes behind a file's that a frame which is cut off may reach
@@ -138,16 +139,16 @@ class Blackbox:
         """Return a column, (n_time,). Raises UnknownNameError."""
         check_known("field", [name], self.columns)
         if name.startswith("axisSum"):
-            terms = [one for one in self._terms(name[-3:]) if one in self._at]
             limit = self._limits[name == "axisSum[2]"] or np.inf
-            total = np.sum([self.raw(one) for one in terms], axis=0)
-            return np.asarray(np.clip(total, -limit, limit) * self._scale(name)[0], np.float64)
+            terms = [self.raw(one) for one in self._terms(name[-3:]) if one in self._at]
+            return np.asarray(np.clip(sum(terms), -limit, limit) * self._scale(name)[0], np.float64)
         return self.raw(name) * self._scale(name)[0]
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a field's counts as logged, (n_time,). Raises UnknownNameError."""
         clock, k = item_of(self._at, name, "field")
-        values = self._values[clock][:, k]
+        low, high = self._values[clock][:, k].astype(np.int32)
+        values = low + (high << 16)
         return (values if self._signed[clock][k] else values.view(np.uint32)).astype(np.float64)
 
     def time(self, clock: str = "main") -> NDArray[np.float64]:
@@ -164,8 +165,9 @@ class Blackbox:
     @property
     def units(self) -> FrozenMap[str, str]:
         """Column -> unit, where it is known."""
-        known = ((name, self._scale(name)[1]) for name in self.columns)
-        return FrozenMap({name: unit for name, unit in known if unit})
+        return FrozenMap(
+            {name: unit for name in self.columns for _, unit in [self._scale(name)] if unit}
+        )
 
     @property
     def firmware(self) -> str:
@@ -175,11 +177,10 @@ class Blackbox:
     @cached_property
     def channels(self) -> FrozenMap[str, Column]:
         """Channel -> column: commands of mixer or controller, what they aim at, and motion."""
-        tail = {"ped": ("axisSum[2]",)} if self._motor_tail else {}
-        own = _CHANNELS | self._of_firmware(_OTHERS) | tail
+        own = _CHANNELS | self._of_firmware(_OTHERS)
+        own |= {"ped": ("axisSum[2]",)} if self._motor_tail else {}
         first = ((name, [x for x in fields if x in self.columns]) for name, fields in own.items())
-        signs = dict.fromkeys(_TURNED, -1)
-        return FrozenMap({c: Column(x[0], sign=signs.get(c, 1)) for c, x in first if x})
+        return FrozenMap({c: Column(x[0], sign=-1 if c in _TURNED else 1) for c, x in first if x})
 
     @cached_property
     def source(self) -> Topics:
@@ -240,11 +241,11 @@ class Blackbox:
         # here, because importing it compiles
         from helisim.logs.blackbox_frames import COUNTS, EVENT, LETTERS, TEXT, decode
 
-        stop = max(len(data[:stop].rstrip(b"\xff")), start)  # that are an empty memory
+        stop = next((one.start() for one in _EMPTY.finditer(data, start, stop)), stop)
         letters = np.full(256, -1, np.int64)
         letters[[*LETTERS.encode()]] = [*(k if n else -1 for k, n in enumerate(sizes)), EVENT]
         most = [sum(data.count(k, start, stop) for k in one) for one in (b"IP", b"S", b"G", b"E")]
-        rows = tuple(np.empty((n, sizes[k]), np.int32) for n, k in zip(most, (0, 2, 3)))
+        rows = tuple(np.zeros((2, sizes[k], n), np.int16) for n, k in zip(most, (0, 2, 3)))
         times = tuple(np.empty(n, np.int64) for n in most[:3])
         events, counts = np.empty((most[-1] + 1, 4)), np.zeros(10, np.int64)
         places = [
@@ -252,13 +253,13 @@ class Blackbox:
             names["G"].index("time") if "time" in names["G"] else -1,
         ]
         arrays = (np.array(one, np.int64) for one in (sizes, known, every, places))
-        beyond = np.frombuffer(data, np.uint8)[start:]
-        decode(beyond, stop - start, letters, tables, *arrays, rows, times, events, counts)
+        behind = np.frombuffer(data, np.uint8)[start:]
+        decode(behind, stop - start, letters, tables, *arrays, rows, times, events, counts)
         self.counts = FrozenMap(dict(zip(COUNTS, counts.tolist())))
         if not self.counts["main"]:
             raise StorageError(f"{self._place}: a header, and no frame in {stop - start} bytes")
         clocks = {"main": "I", "slow": "S", "gps": "G"}
-        self._values = {k: one[: self.counts[k]] for k, one in zip(clocks, rows)}
+        self._values = {k: one[..., : self.counts[k]] for k, one in zip(clocks, rows)}
         self._times = {k: one[: self.counts[k]] for k, one in zip(clocks, times) if self.counts[k]}
         np.maximum(times[1], times[0][0], out=times[1])  # of S frames ahead of all
         self._signed = {k: tables[LETTERS.index(one), 0] for k, one in clocks.items()}
@@ -287,8 +288,7 @@ class Blackbox:
         lost, places = int(np.sum(gaps[gaps > 0.0])), np.count_nonzero(gaps > 0.0)
         others = [k for k in np.argsort(self.sizes)[::-1].tolist() if k + 1 != self.number]
         listed = ", ".join(f"{k + 1} ({self.sizes[k]} bytes)" for k in others[:_NAMED])
-        more = f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
-        several = f"log {self.number} of {len(self.sizes)} is read; the others are {listed}{more}"
+        listed += f" and {len(others) - _NAMED} more" * (len(others) > _NAMED)
         damage = (
             (
                 own["corrupt"],
@@ -301,7 +301,12 @@ class Blackbox:
         later = [one.kind for one in self.events if one.time > self.time()[0]]
         changed, paused = (later.count(one) for one in (ADJUSTED, RESUMED))
         found = (
-            ("logs", several, len(others), [Option("log", str(one + 1)) for one in others[:1]]),
+            (
+                "logs",
+                f"log {self.number} of {len(self.sizes)} is read; the others are {listed}",
+                len(others),
+                [Option("log", str(one + 1)) for one in others[:1]],
+            ),
             (
                 "corruption",
                 f"{self._place}: besides {own['main']} whole frames "
@@ -369,8 +374,10 @@ def _integers(lines: Mapping[str, str], name: str, where: str) -> list[int]:
     """Return the whole numbers of a line of the header, [] without it. Raises StorageError."""
     found = [one.strip() for one in lines.get(name, "").split(",")]
     if not all(re.fullmatch(r"-?[0-9]{1,9}|", one) for one in found):
-        said = f"{where}: the header's {name!r} is {shown(lines[name])!r}"
-        raise StorageError(f"{said}, expected whole numbers with commas")
+        raise StorageError(
+            f"{where}: the header's {name!r} is {shown(lines[name])!r}, expected whole numbers "
+            "with commas"
+        )
     return [int(one) for one in found if one]
 
 
@@ -401,10 +408,14 @@ def _tables(
             numbers = _integers(lines, name, where)
             unknown = {*numbers} - {*((0, 1), range(of.MINMOTOR + 1), of.ENCODINGS)[n]}
             if len(numbers) != size or unknown:
-                said = (
-                    f"{kind} {min(unknown)} isn't known" if unknown else f"{len(numbers)} numbers"
+                raise StorageError(
+                    f"{where}: the header's {name!r} of {size} fields: "
+                    + (
+                        f"{kind} {min(unknown)} isn't known"
+                        if unknown
+                        else f"{len(numbers)} numbers"
+                    )
                 )
-                raise StorageError(f"{where}: the header's {name!r} of {size} fields: {said}")
             fields[k, n, :size] = numbers
         pairs = fields[k, 1, :-1] == of.HOME
         fields[k, 1, 1:][pairs & (fields[k, 1, 1:] == of.HOME)] = of.HOME_1
@@ -426,6 +437,8 @@ def _tables(
     rate = re.fullmatch(r"(?:(\d{1,4})/)?(\d{1,4})", lines.get("P interval", "1"))
     some, all_ = (int(rate[1] or 1), int(rate[2]) or every) if rate else (0, 0)
     if not (0 < some <= all_ and 0 < every <= _SLOWEST):
-        given = f"{every} and {shown(lines.get('P interval', ''))!r}"
-        raise StorageError(f"{where}: the header's intervals of I and P frames can't be: {given}")
+        raise StorageError(
+            f"{where}: the header's intervals of I and P frames can't be: {every} and "
+            f"{shown(lines.get('P interval', ''))!r}"
+        )
     return fields, sizes, names, known, [every, some, all_]

@@ -176,6 +176,16 @@ def _frame(
 
 
 @_part
+def _kept(rows: NDArray[np.int16], row: Any, found: Numbers, size: Any) -> None:
+    """Keep a frame's numbers in two halves, of which the higher is mostly never written."""
+    for k in range(size):
+        low = _extended(found[k], 16)
+        rows[0, k, row] = low
+        if found[k] != low:
+            rows[1, k, row] = _extended((found[k] - low) >> 16, 16)
+
+
+@_part
 def _event(data: Bytes, at: Any, found: NDArray[np.float64]) -> Any:
     """Read an event's kind and up to two numbers; return where the next frame is."""
     kind, at = np.int64(data[at]), at + 1
@@ -220,13 +230,14 @@ def _decode(
     known: Numbers,
     every: Numbers,
     places: Numbers,
-    rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+    rows: tuple[NDArray[np.int16], NDArray[np.int16], NDArray[np.int16]],
     times: tuple[Numbers, Numbers, Numbers],
     events: NDArray[np.float64],
     counts: Numbers,
 ) -> None:
     """Decode frames into main, slow and GPS `rows`, their `times` in us, `events` and `counts`.
 
+    `rows` are (2, n_field, n_time), 0 before: 16 bits with a sign, and what is 2^16 times as much.
     Frames end at `stop`, and 64 more bytes may be read. `letters`, (256,), is byte -> table, or -1;
     `tables` are (5, 3, n_field): signs, predictors and encodings of main frames, whole and by
     differences, slow, GPS and home ones, of whose fields there are `sizes`; `known`, (14,), is
@@ -267,8 +278,7 @@ def _decode(
             homed, known[HOME], known[HOME_1] = True, found[0], found[1]
         elif kind == _SLOW or (kind == _GPS and homed and begun):
             of, row = kind - 1, counts[kind - 1]
-            for k in range(sizes[kind]):
-                rows[of][row, k] = _extended(found[k], 32)
+            _kept(rows[of], row, found, sizes[kind])
             later = found[places[2]] - time if kind == _GPS and places[2] >= 0 else np.int64(0)
             times[of][row] = time + _extended(later, 32)
             counts[of] += 1
@@ -291,7 +301,7 @@ def _decode(
             for k in range(sizes[_INTRA]):
                 history[1, k] = history[0, k] if kind == _INTER else found[k]
                 history[0, k] = found[k]
-                rows[0][row, k] = _extended(found[k], 32)
+            _kept(rows[0], row, found, sizes[_INTRA])
             times[0][row] = time
             counts[0] += 1
     counts[8], counts[9] = last, ended

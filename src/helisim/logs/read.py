@@ -293,6 +293,7 @@ def _samples(
         for k in np.flatnonzero(~there):
             findings.refuse("no number", read.empty(taken[k].heading))
         taken = tuple(one for one, kept in zip(taken, there) if kept)
+        there = slice(None) if there.all() else there  # without a copy
         samples += [replace(read, values=read.values[:, there], taken=taken)] if taken else []
     return tuple(samples), origins
 

@@ -51,7 +51,8 @@ def cut(
         (one.time[known], column[known])
         for one in stretch
         for column in one.values.T
-        for known in [np.isfinite(column)]
+        for there in [np.isfinite(column)]
+        for known in [slice(None) if there.all() else there]  # without a copy
     ]
     ratios = [
         1.0 / ((np.median(np.diff(time)) if time.size > 1 else np.inf) * (rate or np.inf))

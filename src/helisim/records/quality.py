@@ -134,7 +134,9 @@ def slope_matrix(
         both = np.column_stack([smooth, *(made[name] for name in rates)])[1:-1]
         omega = 2.0 * np.pi * np.fft.rfftfreq(len(both), step)
         inside = (omega >= band[0]) & (omega <= band[1])
-        lines = np.fft.rfft(both - both.mean(axis=0), axis=0)[inside] / omega[inside, None]
+        lines = np.column_stack(
+            [np.fft.rfft(one - one.mean())[inside] / omega[inside] for one in both.T]
+        )
         measured.append(lines[:, : len(rates)])
         predicted.append(lines[:, len(rates) :])
     b, a = np.concatenate(measured), np.concatenate(predicted)
