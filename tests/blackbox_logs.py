@@ -210,16 +210,14 @@ def encode(
     together (axisP[0] to [2]) must all be there. Without `ended` the log was cut off.
     """
     lines = {name: text for name, text in {**HEADER, **(header or {})}.items() if text is not None}
-    p_interval, i_interval = int(lines["P interval"]), int(lines["I interval"])
     count = np.size(next(iter(columns.values())))
-    given = {"loopIteration": p_interval * np.arange(count), **columns}
-    unknown = [name for name in given if name not in fields]
-    if unknown:
+    given = {"loopIteration": int(lines["P interval"]) * np.arange(count), **columns}
+    if unknown := [name for name in given if name not in fields]:
         raise ValueError(f"no fields of this firmware: {', '.join(unknown)}")
     used = {name: one for name, one in fields.items() if name in given}
     names, kinds = list(used), list(used.values())
     values = np.column_stack([np.asarray(given[name], np.int64) for name in names])
-    rows = _main_rows(values, names, kinds, lines, p_interval, i_interval)
+    rows = _main_rows(values, names, kinds, lines)
     tables = {"S": SLOW, **({"H": GPS_HOME, "G": GPS} if gps else {})}
     parts = [_head(used, tables, lines)]
     for k, written in enumerate(rows):
@@ -245,14 +243,10 @@ def _head(
 
 
 def _main_rows(
-    values: np.ndarray,
-    names: list[str],
-    kinds: list[Field],
-    lines: Mapping[str, str],
-    p_interval: int,
-    i_interval: int,
+    values: np.ndarray, names: list[str], kinds: list[Field], lines: Mapping[str, str]
 ) -> Iterable[bytes]:
     """Yield I and P frames; after an I frame, it alone is what P frames predict from."""
+    p_interval, i_interval = int(lines["P interval"]), int(lines["I interval"])
     iteration = values[:, names.index("loopIteration")]
     time = values[:, names.index("time")]
     resumes = np.diff(iteration, prepend=iteration[0] - p_interval) != p_interval
@@ -274,20 +268,13 @@ def _main_rows(
         VBATREF: 0 * values + int(lines.get("vbatref", 0)),
         MINMOTOR: 0 * values + int(lines.get("motorOutput", "0").split(",")[0]),
     }
-    i_left = np.column_stack(
-        [values[:, k] - predicted[of.predictor][:, k] for k, of in enumerate(kinds)]
-    )
-    p_left = np.column_stack(
-        [values[:, k] - predicted[of.p_predictor][:, k] for k, of in enumerate(kinds)]
-    )
-    i_plan, p_plan = (
-        _plan([one.encoding for one in kinds]),
-        _plan([one.p_encoding for one in kinds]),
-    )
+    kept = []
+    for letter, p in ((b"I", ""), (b"P", "p_")):
+        plan = _plan([getattr(one, f"{p}encoding") for one in kinds])
+        of = [predicted[getattr(one, f"{p}predictor")][:, k] for k, one in enumerate(kinds)]
+        kept.append((letter, plan, values - np.column_stack(of)))
     for k in range(len(values)):
         if resumes[k]:
             yield event(14, int(iteration[k]), int(time[k]))
-        if intra[k]:
-            yield b"I" + _written(i_plan, i_left[k].tolist())
-        else:
-            yield b"P" + _written(p_plan, p_left[k].tolist())
+        letter, plan, left = kept[0 if intra[k] else 1]
+        yield letter + _written(plan, left[k].tolist())

@@ -1,10 +1,11 @@
 """Flies Rotorflight's law, and logs it as its Blackbox does: columns of whole numbers, a header."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numba
 import numpy as np
+from scipy.signal import bessel, lfilter
 
 import helisim as hs
 from helisim.design.laws import rotorflight_kernel as kernel
@@ -14,7 +15,9 @@ from helisim.sim.missions import Everyday
 TAIL = {"p": 15.0, "i": 15.0, "d": 0.0, "rate": 180.0}
 AHEAD = {"collective_ff_gain": 45.0, "cyclic_ff_gain": 0.0}
 SINCE_START = 20_000_000  # us, since power-on
-ACC_1G = 2048
+ACC_1G, ACC_LPF = 2048, 10.0  # Hz, of the accelerometer's Bessel low-pass
+# what gyro, deg/s, and accelerometer, g, feel beside the motion: noise, rms, and one per revolution
+TURNED, SHAKEN = (1.0, 2.0), (0.005, 0.1)
 LOOPTIME = 125  # us, of the gyro
 
 
@@ -25,20 +28,6 @@ def law_for(vehicle):
     """
     law = hs.Rotorflight.of(vehicle)
     return replace(law, yaw=replace(law.yaw, **TAIL, **AHEAD)) if "360" in vehicle.name else law
-
-
-@dataclass(frozen=True)
-class Shaking:
-    """What the gyro senses beside the motion: white noise, rms, and one per revolution, deg/s."""
-
-    noise: float = 1.0
-    revolution: float = 2.0
-
-    def at(self, rng, time, speed):
-        """Return what is added to p, q and r, rad/s, at a time, s, and a rotor speed, rad/s."""
-        phases = speed * time + math.pi * np.array([0.0, 0.5, 0.25])
-        wave = self.revolution * np.sin(phases)
-        return np.radians(wave + self.noise * rng.standard_normal(3))
 
 
 @numba.njit
@@ -52,7 +41,7 @@ def logged_loop(seen, state, settings):
 class Logging:
     """A controller that flies a law, and keeps each loop's numbers in `rows`."""
 
-    def __init__(self, law, vehicle, shaking=None, seed=0):
+    def __init__(self, law, vehicle, seed=0):
         self.rows, settings, rng = [], law.on(vehicle).settings, np.random.default_rng(seed)
         speed, rows = vehicle.parameters["main_rotor.speed"], self.rows
 
@@ -61,8 +50,9 @@ class Logging:
             kernel.rotorflight_start(seen, state, settings)
 
         def loop(seen, state, settings):
-            if shaking is not None and seen.time > 0.0:  # not where gains are sought
-                more = shaking.at(rng, seen.time, speed)
+            if seen.time > 0.0:  # not where gains are sought
+                wave = np.sin(speed * seen.time + math.pi * np.array([0.0, 0.5, 0.25]))
+                more = np.radians(TURNED[1] * wave + TURNED[0] * rng.standard_normal(3))
                 seen = seen._replace(p=seen.p + more[0], q=seen.q + more[1], r=seen.r + more[2])
             numbers, servos = logged_loop(seen, state, settings)
             rows.append((*seen, *numbers))
@@ -73,22 +63,24 @@ class Logging:
         )
 
 
-def fly(vehicle, law, *, seed=0, duration=120.0, shaking=None, weather=None, **mission):
+def fly(vehicle, law, *, seed=0, duration=120.0, **mission):
     """Return a trajectory of everyday flying, and the loops' numbers, (n_loop, n)."""
-    logging = Logging(law, vehicle, shaking, seed)
-    plan = hs.FlightPlan(
-        mission=Everyday(duration=duration, **mission),
-        weather=weather or hs.Weather(turbulence="light"),
-    )
+    logging = Logging(law, vehicle, seed)
+    mission, weather = Everyday(duration=duration, **mission), hs.Weather(turbulence="light")
+    plan = hs.FlightPlan(mission=mission, weather=weather)
     flown = vehicle.with_controller(logging.controller)
     (flight,) = simulate(flown, plan, keep_ended=True, seed=seed)
     return flight, np.array(logging.rows)[: len(flight.time)]
 
 
-def columns(vehicle, law, flight, loops, *, every=1):
-    """Return the columns of a log of Rotorflight 4.6, every so many loops: name -> integers."""
-    seen = dict(zip(hs.Seen._fields, loops[::every].T))
-    own = loops[::every, len(hs.Seen._fields) :]
+def columns(vehicle, law, flight, loops):
+    """Return the columns of a log of Rotorflight 4.6, of each loop: name -> integers."""
+    seen, own = dict(zip(hs.Seen._fields, loops.T)), loops[:, len(hs.Seen._fields) :]
+    forces = np.array([seen["ax"], -seen["ay"], -seen["az"]]) / 9.80665
+    forces += SHAKEN[0] * np.random.default_rng(len(loops)).standard_normal(forces.shape)
+    forces += SHAKEN[1] * np.sin(vehicle.parameters["main_rotor.speed"] * seen["time"])
+    low_pass = bessel(2, ACC_LPF, norm="mag", fs=1.0 / np.median(np.diff(seen["time"])))
+    forces = forces[:, :1] + lfilter(*low_pass, forces - forces[:, :1])
     wanted, gyro, terms, mixer, ahead = np.split(own, [4, 7, 25, 29], axis=1)
     terms = terms.reshape(-1, 3, 6)
     terms[:, 2, 3] += ahead[:, 0]  # in yaw's F
@@ -97,7 +89,6 @@ def columns(vehicle, law, flight, loops, *, every=1):
     speed = 30.0 / math.pi * np.interp(seen["time"], flight.time, flight.rotor[:, 4])
     turned = np.degrees([seen["phi"], -seen["theta"], np.mod(seen["psi"], 2.0 * math.pi)])
     rates = np.degrees([seen["p"], -seen["q"], -seen["r"]])
-    forces = np.array([seen["ax"], -seen["ay"], -seen["az"]]) * ACC_1G / 9.80665
     roll, nose, yaw, col = mixer.T
     gains = {name: [getattr(law.roll, name), getattr(law.pitch, name)] for name in "bo"}
     kept = "PIDF" + "B" * (max(*gains["b"], law.yaw.b) > 0.0) + "O" * (max(gains["o"]) > 0.0)
@@ -111,7 +102,7 @@ def columns(vehicle, law, flight, loops, *, every=1):
         "attitude": 10.0 * turned,
         "gyroRAW": rates,
         "gyroADC": gyro.T,
-        "accADC": forces,
+        "accADC": ACC_1G * forces,
         "headspeed": vehicle.parameters["main_rotor.speed"] * speed,
         "tailspeed": vehicle.parameters["tail_rotor.speed"] * speed,
         "servo": [1500.0 + 125.0 * one for one in (0.5 * col - nose, *sides, yaw)],
@@ -123,16 +114,15 @@ def columns(vehicle, law, flight, loops, *, every=1):
     return {name: np.rint(values).astype(np.int64) for name, values in flat.items()}
 
 
-def header(law, period, *, every=1):
-    """Return the header's lines of a log at every so many loops, a period, s, apart."""
+def header(law, period):
+    """Return the header's lines of a log of each loop, a period, s, apart."""
     yaw, axes = law.yaw, (law.roll, law.pitch, law.yaw)
     lines = {
         **{"Firmware type": "Rotorflight", "Craft name": law.name},
         "Firmware revision": "Rotorflight 4.6.0 (b92aac0) STM32F7X2",
-        "I interval": 16 * every,
-        "P interval": every,
-        "P ratio": 16,
+        **{"I interval": 16, "P interval": 1, "P ratio": 16},
         **{"gyro_scale": "0x3f800000", "acc_1G": ACC_1G, "looptime": LOOPTIME},
+        "acc_lpf_hz": 100.0 * ACC_LPF,
         "pid_process_denom": round(1e6 * period / LOOPTIME),
         "filter_process_denom": round(1e6 * period / LOOPTIME),
         "error_limit": [one.error_limit for one in axes],

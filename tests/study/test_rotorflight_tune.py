@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import bessel, lfilter
 
 import blackbox_logs
 from helisim.base.errors import LogError
@@ -27,6 +28,7 @@ header = loaded("proof/rotorflight_flights").header
 
 PERIOD, LATE = 0.004, 3  # s of a loop, and loops until a command acts
 N_R, N_PED = -2.0, 60.0  # 1/s, 1/s^2 by rad of blade pitch
+Z_W, Z_COL = -0.9, -150.0  # 1/s, m/s^2 by rad
 FULL = {"range": 1.0}
 LAW = laws.Rotorflight(
     roll=laws.CyclicRotorflight(**FULL, p=52.0, b=7.0, gyro_cutoff=40.0, o=43.0),
@@ -68,7 +70,12 @@ def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
         acts, waits = waits[0], [*waits[1:], ped]
         rate = grows * rate + (grows - 1.0) / N_R * (N_PED * acts + 30.0 * gust)
     asked, ped, rates = np.array(rows).T
-    deg, still, pump = np.degrees(rates), np.zeros(count), 60.0 * (np.arange(count) % 900 < 450)
+    deg, still, moves = np.degrees(rates), np.zeros(count), 60.0 * (sticks > 0.0)
+    pump = np.rint(moves * np.repeat(rng.random(count // 50 + 1), 50)[:count])
+    col = math.radians(0.012) * np.roll(pump, LATE)
+    low_pass, gust = bessel(2, 10.0, norm="mag", fs=1.0 / PERIOD), rng.standard_normal(count)
+    fall = lfilter([PERIOD], [1.0, -1.0 - PERIOD * Z_W], Z_COL * col + 0.3 * gust)
+    upward = 9.80665 - lfilter(*low_pass, Z_W * np.roll(fall, 1) + Z_COL * col + 0.02 * gust)
     columns = {
         "time": 5e6 + 1e6 * PERIOD * np.arange(count),
         "setpoint[2]": -2.0 * LAW.yaw.rate * asked,
@@ -76,6 +83,7 @@ def flown(seconds, *, sticks=1.0, gusts=0.02, seed=1):
         "gyroADC[2]": -deg,
         "attitude[2]": np.mod(10.0 * np.cumsum(deg) * PERIOD, 3600.0),
         "headspeed": 2100.0 - 0.7 * pump,
+        "accADC[2]": 2048.0 / 9.80665 * upward,
     }
     for name in ("setpoint", "mixer", "attitude"):
         columns |= {f"{name}[{k}]": still for k in (0, 1)}
@@ -141,7 +149,7 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, c
     assert main(["tune", str(log), "--out", str(out), "--json", str(data), "--quiet"]) == 0
     assert json.loads(data.read_text(encoding="utf-8"))["logs"] == [str(log)]
     told = capsys.readouterr().out
-    assert re.search("it droop by 2 %.*no model of roll and pitch", " ".join(told.split()))
+    assert re.search("it droop by 1.8 %.*no model of roll and pitch", " ".join(told.split()))
     settings = dict(
         line.removeprefix("set ").split(" = ")
         for line in out.read_text(encoding="utf-8").splitlines()
@@ -161,8 +169,18 @@ def test_a_flight_without_information_is_refused(tmp_path):
     found = tune_blackbox([str(saved(tmp_path, flown(60.0, sticks=0.0)))])
     assert not found.axes
     remarks = [one for one in found.remarks if "no model of" in one]
-    assert len(remarks) == 2
+    assert len(remarks) == 3
     assert all("quick stops" in one for one in remarks)
+
+
+def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
+    (fit,) = (one for one in tuned.fits if one.structure.name == "heave_imu")
+    late = PERIOD * (LATE + 0.5)
+    for name, true, wide in (("Z_w", Z_W, 0.4), ("Z_col", Z_COL, 20.0), ("tau_col", late, 0.01)):
+        low, high = fit.parameters[name].interval
+        assert low < true < high < low + wide, name
+    assert {one.kind for one in fit.verdict.reasons} <= {"lost"}  # steps in whole counts
+    assert any(one.startswith("heave: a degree more of collective lifts") for one in tuned.remarks)
 
 
 def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):

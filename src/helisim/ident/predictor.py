@@ -7,7 +7,9 @@ as long as the lags are enough to foresee gusts. Lags are single ones, then mean
 
 A servo at its limit of speed lags the more, the larger the command. The cube of each input's speed
 is one more input, over short lags, so that H is the response to small motion. A cube is not all of
-such a limit: what it moves the response by is one more error.
+such a limit: what it moves the response by is one more error. Accelerations answer a jump at once,
+wherever it lies between two samples here, which cubes would take for a limit: theirs is the
+response without cubes, with the same error.
 """
 
 from collections.abc import Sequence
@@ -17,8 +19,10 @@ import numpy as np
 from helisim.base.arrays import Complex
 from helisim.ident.local import Local
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
+from helisim.records.record import ACCELERATIONS
 
-_TICK, _MEMORY = 0.45, 4.0  # rad of the band's top between samples; of its lower edge in all lags
+# rad of the band's top between samples, where accelerations answer; of its lower edge in all lags
+_TICK, _AT_ONCE, _MEMORY = 0.45, 0.3, 4.0
 # Lags until their means grow wider, by a factor of e in as many; s, for which a servo may be late
 _SINGLE, _SLEWS = 5.0, 0.12
 
@@ -35,8 +39,9 @@ class Predictor(Local):
     ) -> Estimate:
         """Return the responses with their errors."""
         names, n_out, omega = (*outputs, *inputs, *others), len(outputs), self._frequency
+        jumps = bool({*outputs} & {*ACCELERATIONS})
         longest = max(one.sample_time for one in self._records)
-        tick = max(round(_TICK / (omega[-1] * longest)), 1) * longest
+        tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
         count = _SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE))
         edges = np.rint(_SINGLE * np.sinh(np.arange(count + 1.0) / _SINGLE)).astype(np.intp)
         wide, slow, parts, told = np.diff(edges), edges[1:] * tick <= _SLEWS, [], list[Complex]()
@@ -48,12 +53,20 @@ class Predictor(Local):
             total = np.cumsum(np.pad(np.hstack([mean, speed**3]), ((1, 0), (0, 0))), axis=0)
             at = np.arange(edges[-1], len(mean))
             before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
-            each = before[:, :, : len(names)], before[:, slow, len(names) :], mean[at, :n_out]
-            parts.append(np.hstack([one.reshape(at.size, -1) for one in each]))
+            parts.append(
+                np.hstack(
+                    [
+                        before[:, :, : len(names)].reshape(at.size, -1),
+                        before[:, slow, len(names) :].reshape(at.size, -1),
+                        mean[at, :n_out],
+                    ]
+                )
+            )
         rows, now = np.split(np.concatenate(parts), [-n_out], axis=1)
         turn, linear = np.exp(-1j * tick * omega)[:, None], wide.size * len(names)
         lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
-        for some in (rows[:, :linear], rows):  # without cubes, and with them
+        for cubes in (jumps, not jumps):
+            some = rows if cubes else rows[:, :linear]
             unit = 1.0 / (some.std(axis=0) + 1e-300)
             left, size, right = np.linalg.svd(some * unit, full_matrices=False)
             root = (unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0]))[:linear]
@@ -62,11 +75,11 @@ class Predictor(Local):
             )
             inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
             told.append(inverse @ kernel[:, :, n_out : n_out + len(inputs)])
-        (plain, whole), rest = told, now - left @ (left.T @ now)
+        (other, whole), rest = told, now - left @ (left.T @ now)
         own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
-        spectrum = rest.T @ rest * (tick / np.pi / (len(rows) - rows.shape[1]))
+        spectrum = rest.T @ rest * (tick / np.pi / (len(rows) - some.shape[1]))
         noise = inverse @ spectrum @ inverse.conj().swapaxes(1, 2)
         response, first = np.moveaxis(whole, 0, 2), np.zeros(1, dtype=np.intp)
         still = np.zeros(response.shape)
@@ -79,7 +92,7 @@ class Predictor(Local):
             noise=noise,
             bias=still,
             spread=still,
-            gap=response - np.moveaxis(plain, 0, 2),
+            gap=response - np.moveaxis(other, 0, 2),
         )
         level, power = (
             np.real(np.diagonal(one, axis1=1, axis2=2)).T for one in (noise, self.spectra(outputs))

@@ -6,7 +6,7 @@ all gains. Settings and units: design.laws.rotorflight.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,13 +18,12 @@ from helisim.base.linear import Linear
 from helisim.base.settings import setting_names
 from helisim.base.units import RAD_S_PER_RPM
 from helisim.design.laws import rotorflight as of
-from helisim.design.plant import Plant
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import MOST_GAIN, margins
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval
-from helisim.handling.predicted import FlownPlant, PredictedLoop
-from helisim.ident import Fit, identify, structures
+from helisim.handling.predicted import PredictedLoop
+from helisim.ident import Fit, FrequencyResponse, Structure, blocks, identify, in_series, structures
 from helisim.logs.blackbox import Blackbox, open_blackbox, read_dump
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
@@ -46,7 +45,7 @@ from helisim.study.log_tune import (
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
 # rms of the relative difference of a flight's responses from those of the hover: 1.4 % in light
-# turbulence at up to 4 m/s, half of it without (scripts/proof/rotorflight_study.py)
+# turbulence at up to 4 m/s, half of it without (scripts/proof/rotorflight_study.py); heave's, too
 _ELSEWHERE = 0.015
 # The collective moves the nose, and by precompensation the pedals. Pilots answer gusts by cyclic,
 # hardly by pedals, whose command knows the rate better than a gyro in whole deg/s. Gusts hide how
@@ -61,10 +60,19 @@ _FITS = (
         "predictor",
     ),
     (structures.yaw_alone, ("lat", "lon", "col"), IN2, "local"),
+    (structures.heave_imu, ("lat", "lon", "ped"), ("none",), "predictor"),
 )
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
 _TERMS = "pidfb"  # in the header's order
+_LINES = {  # of the header, besides P, I and D
+    **{
+        f"{axis}BW": [(axis, f"{one}_cutoff") for one in ("gyro", "d", "b")]
+        for axis in _AXES.values()
+    },
+    "yaw_stop_gain": [("yaw", "cw_stop_gain"), ("yaw", "ccw_stop_gain")],
+    "hsi_gain": [("roll", "o"), ("pitch", "o")],
+}
 _WHYS = {
     "p": "rate held in gusts, until gain margin and noise end it",
     "i": "attitude held, until phase margin and peak end it",
@@ -73,7 +81,8 @@ _WHYS = {
 }
 _FLY = (
     "fly for two minutes or more in calm air with quick stops and reversals of each stick by "
-    "itself, and log setpoint, mixer, PID, gyro and attitude at 250 Hz or more"
+    "itself, climbs and pitch pumps, too, and log setpoint, mixer, PID, gyro, attitude and "
+    "accelerometer at 250 Hz or more"
 )
 
 
@@ -104,8 +113,10 @@ class Feedback:
 
     def felt(self, frequency: Real) -> Complex:
         """Return cyclic and pedals, 1 being full, over rates, (3, 3, n_freq), at rad/s."""
-        full = np.array([of.CYCLIC_PITCH, of.CYCLIC_PITCH, of.TAIL_PITCH])[:, None, None]
-        return self.response(frequency)[[IN1.index(one) for one in _AXES], : len(RATES)] / full
+        return (
+            self.response(frequency)[[IN1.index(one) for one in _AXES], : len(RATES)]
+            / (np.array([of.CYCLIC_PITCH, of.CYCLIC_PITCH, of.TAIL_PITCH])[:, None, None])
+        )
 
 
 _linear = lru_cache(maxsize=64)(of.Rotorflight.linear)
@@ -147,23 +158,16 @@ def law_of_log(
     for axis in _AXES.values():
         gains = dict(zip(_TERMS, _numbers(log, f"{axis}PID", 3)))
         told = _dumped(axis, dump or {})
-        others = [name for name in gains.keys() & told.keys() if gains[name] != told[name]]
-        if others:
+        if others := [name for name in gains.keys() & told.keys() if gains[name] != told[name]]:
             raise LogError(
                 f"{place}: {axis}'s {', '.join(sorted(others))} is another in the dump of the "
                 "command line than in the log's header; give a dump of the settings that flew"
             )
         gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
         axes[axis] = {"range": 1.0, **told, **gains}
-        if f"{axis}BW" in header:
-            axes[axis] |= zip(
-                ("gyro_cutoff", "d_cutoff", "b_cutoff"), _numbers(log, f"{axis}BW", 2)
-            )
-    offsets = _numbers(log, "hsi_gain", 2) if "hsi_gain" in header else ()
-    for axis, gain in zip(("roll", "pitch"), offsets):
-        axes[axis]["o"] = gain
-    if "yaw_stop_gain" in header:
-        axes["yaw"] |= zip(("cw_stop_gain", "ccw_stop_gain"), _numbers(log, "yaw_stop_gain", 2))
+    for line in _LINES.keys() & header.keys():
+        for (axis, name), number in zip(_LINES[line], _numbers(log, line, 2)):
+            axes[axis][name] = number
     return of.Rotorflight(
         roll=of.CyclicRotorflight(**axes["roll"]),
         pitch=of.CyclicRotorflight(**axes["pitch"]),
@@ -205,8 +209,9 @@ def _opened(path: Path) -> Blackbox:
 
 def command_of(axis: str, name: str) -> float:
     """Return the command, rad, of one of a gain by 1 rad/s (P, F), 1 rad (I) or 1 rad/s^2 (D)."""
-    pitch = of.TAIL_PITCH if axis == "yaw" else of.CYCLIC_PITCH
-    return math.degrees(of.SCALES[axis][name]) * pitch
+    return math.degrees(
+        of.SCALES[axis][name] * (of.TAIL_PITCH if axis == "yaw" else of.CYCLIC_PITCH)
+    )
 
 
 @one_blas_thread()
@@ -230,11 +235,11 @@ def tune_blackbox(
     first = _opened(paths[0])
     told = None if dump is None else read_dump(dump)
     law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
-    ticks = ("looptime", *({"pid_process_denom"} & first.header.keys()))
-    period = 1e-6 * math.prod(_numbers(first, one, 1)[0] for one in ticks)
-    lacks = [
-        one for one in ("rollBW", "pitchBW", "yawBW", "yaw_stop_gain") if one not in first.header
-    ]
+    period = 1e-6 * math.prod(
+        _numbers(first, one, 1)[0]
+        for one in ("looptime", *({"pid_process_denom"} & first.header.keys()))
+    )
+    lacks = [one for one in _LINES if one not in first.header and one != "hsi_gain"]
     if lacks and told is None:
         remarks.append(
             f"the header lacks {', '.join(lacks)}, as before Rotorflight 4.4: the firmware's "
@@ -251,16 +256,18 @@ def tune_blackbox(
     today = Feedback(law, period, {})
     on_step("vibration")
     heard = blackbox_vibration(first, today.felt)
-    if isinstance(heard, str):
-        remarks.append(heard)
-        heard = None
+    remarks, heard = ([*remarks, heard], None) if isinstance(heard, str) else (remarks, heard)
     on_step("models")
-    fits, wrong = _models(records, remarks, "motor[1]" in first.columns)
-    if not fits:
-        return LogTuning(names, heard, remarks=tuple(remarks))
-    plant = whole_plant(fits, period=period)
-    rng = np.random.default_rng(seed)
-    plants = [plant, *(_elsewhere(one, rng) for one in plant.draws(DRAWS, seed=seed))]
+    corner = _numbers(first, "acc_lpf_hz", 1)[0] / 100.0 if "acc_lpf_hz" in first.header else 10.0
+    # a Bessel filter, 3 dB down at the corner
+    felt = blocks.second_order("acc", omega=1.2720 * math.tau * corner, zeta=math.sqrt(0.75))
+    fits, wrong = _models(
+        records, remarks, {"az": felt} if corner else {}, "motor[1]" in first.columns
+    )
+    if not (held := [fit for fit in fits if "col" not in fit.structure.inputs]):
+        return LogTuning(names, heard, remarks=tuple(remarks), fits=tuple(fits))
+    plant = whole_plant(held, period=period)
+    plants = [plant, *plant.draws(DRAWS, seed=seed)]
     on_step("loops as flown")
     axes = tuned_axes(plant)
     loop = PredictedLoop.of(plants, today, _BAND[0])
@@ -268,7 +275,7 @@ def tune_blackbox(
     wrong = {
         axis: f"it crosses over at {at:.3g} rad/s, and the flight tells the model to {top:.3g}; "
         + _FLY
-        for fit in fits
+        for fit in held
         for axis in fit.structure.inputs
         for at in [stays[axis]["crossover"].value]
         for top in [max(to for pair, (_, to) in fit.bands.items() if pair.endswith(f"/{axis}"))]
@@ -294,8 +301,13 @@ def tune_blackbox(
             shown = {name: _about(figure.value) for name, figure in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
-            given = len(_numbers(first, f"{_AXES[axis]}PID", 3)) > _TERMS.index("f")
-            changes = _changes(axis, gains[axis], law, plants, ahead=given or told is not None)
+            changes = _changes(
+                axis,
+                gains[axis],
+                law,
+                plants,
+                ahead=told is not None or len(_numbers(first, f"{_AXES[axis]}PID", 3)) > len("pid"),
+            )
             shown = _seen(tuned[axis], ClosedLoop(plant, better).broken(axis), remarks)
             one = retuned(one, plant, today, better, shown, changes, gusts[axis])
         found.append(one)
@@ -310,9 +322,15 @@ def tune_blackbox(
 
 
 def _models(
-    records: Sequence[FlightRecord], remarks: list[str], motor_tail: bool
+    records: Sequence[FlightRecord],
+    remarks: list[str],
+    behind: Mapping[str, Structure],
+    motor_tail: bool,
 ) -> tuple[list[Fit], dict[str, str]]:
-    """Return models that flights tell, and why an axis has no gains; extend the remarks."""
+    """Return models that flights tell, and why an axis has no gains; extend the remarks.
+
+    `behind` are filters through which channels are logged. Errors hold what flights differ by.
+    """
     fits, wrong = list[Fit](), dict[str, str]()
 
     def moving(*names: str) -> tuple[str, ...]:
@@ -326,18 +344,21 @@ def _models(
         if motor_tail and "ped" in own.inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
-        channels = own.inputs, own.outputs, moving(*others), moving(*reference) or reference
         words = " and ".join(axis_of(one).word for one in own.inputs)
-        if len(moving(*(one.upper() for one in own.inputs))) < len(own.inputs):
+        needed = (*(one.upper() for one in own.inputs), *own.outputs)
+        if len(moving(*needed)) < len(needed):
             remarks.append(
-                f"no model of {words}: a setpoint of it is not logged or never moves, and feedback "
-                f"alone shows the controller's inverse; {_FLY}"
+                f"no model of {words}: a setpoint of it, or what answers "
+                f"({', '.join(own.outputs)}), is not logged or never moves, and feedback alone "
+                f"shows the controller's inverse; {_FLY}"
             )
             continue
         try:
-            (estimate,) = estimate_fits(
-                records, [InferredFit(own.name, *channels, _BAND, "")], estimator
+            channels = own.inputs, own.outputs, moving(*others), moving(*reference) or reference
+            estimate = _elsewhere(
+                *estimate_fits(records, [InferredFit(own.name, *channels, _BAND, "")], estimator)
             )
+            own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
             if blind := [k for k, x in fit.parameters.items() if math.isinf(x.standard_error)]:
                 raise IdentificationError(f"the flight does not show {', '.join(blind)}")
@@ -349,13 +370,31 @@ def _models(
             # figures of a doubtful model are of motion as large as was flown, and not of all
             wrong |= dict.fromkeys(own.inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
+        remarks += [_lift(fit) for name in own.inputs if name == "col"]
     return fits, wrong
 
 
-def _elsewhere(plant: Plant, rng: np.random.Generator) -> FlownPlant:
-    """Return a model whose responses differ as those of flight do from those of the hover."""
-    by = {one: 1.0 + _ELSEWHERE * complex(*rng.standard_normal(2)) for one in plant.inputs}
-    return FlownPlant(plant, {one: Curve(np.array(_BAND), np.full(2, k)) for one, k in by.items()})
+def _elsewhere(found: FrequencyResponse) -> FrequencyResponse:
+    """Return a response whose errors hold by how much, and how late, flights differ from hovers."""
+    assert found.scatter is not None
+    whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
+    apart = np.multiply.outer([_ELSEWHERE, 1j * _ELSEWHERE], whole)
+    scatter = replace(found.scatter, gap=np.vstack([found.scatter.gap, apart]))
+    return replace(found, scatter=scatter)
+
+
+def _lift(fit: Fit) -> str:
+    """Return what a heave model says, with 95 % intervals."""
+    by, late, damping = (
+        f"{scale * one.value:.3g} ({min(ends):.3g} to {max(ends):.3g})"
+        for name, scale in (("Z_col", -math.radians(1.0)), ("tau_col", 1e3), ("Z_w", -1.0))
+        for one in [fit.parameters[name]]
+        for ends in [[scale * end for end in one.interval]]
+    )
+    return (
+        f"heave: a degree more of collective lifts it by {by} m/s^2, {late} ms late, and climbing "
+        f"brakes it by {damping} of its speed a second; {fit.verdict}; no gain holds heave"
+    )
 
 
 def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
