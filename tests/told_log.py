@@ -23,6 +23,9 @@ class Told(dict):
         super().__init__(tables)
         self._own, self._texts = own or {}, texts
 
+    def has(self, name, *fields):
+        return name in self and {*fields} <= {*self.table(name, self.instances(name)[0]).columns}
+
     def table(self, name, instance=0):
         return self[name] if isinstance(self[name], Rows) else self[name][instance]
 

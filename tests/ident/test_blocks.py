@@ -28,7 +28,7 @@ from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from ident_data import HEAVE, data, fitted, record
 from script import loaded
-from tabled import tabled
+from tabled import rows, tabled
 
 GRID = np.geomspace(0.5, 80.0, 25)
 S = 1j * GRID
@@ -105,13 +105,7 @@ def test_blocks_are_read_from_words():
     assert made.parameter("p_corner").start == 40.0
     free = blocks.with_blocks(rollpitch, {"p": "first_order:name=servo"})
     assert not free.parameter("servo_tau").fixed
-    for words, error, what in (
-        ("third_order:omega=3", UnknownNameError, "third_order"),
-        ("first_order:omega=3", UnknownNameError, "'omega'"),
-        ("first_order:tau=fast", InputError, r"tau = 'fast' of the block .* isn't a number"),
-        ("low_pass:corner=3,order=12", InputError, "order of the low-pass .* at most 8, got 12"),
-        ("first_order:tau=1+-2+-3", InputError, "lat_tau must be a list of 2 numbers"),
-    ):
+    for words, error, what in rows(globals(), "test_blocks_are_read_from_words"):
         with pytest.raises(error, match=what):
             blocks.with_blocks(rollpitch, {"lat": words})
     with pytest.raises(UnknownNameError, match="'pad'"):

@@ -24,7 +24,7 @@ from helisim.ident.frf import _coherent, _disagreements, excited_sticks, resolve
 from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.records.record import channel
 from ident_data import GRID, HEAVE, fitted, record
-from tabled import tabled
+from tabled import rows, tabled
 
 STEP = 0.05
 BAND = (2.0, 20.0)
@@ -89,13 +89,7 @@ def test_a_response_checks_its_fields():
     )
     plain = json.loads(json.dumps(data.to_dict()))
     assert FrequencyResponse.from_dict(plain) == data
-    for field, item, message in (
-        ("frequency", [3.0, 2.0, 1.0], "frequenc"),
-        ("frequency", "low", r"response\.frequency must be an array of numbers, got 'low'"),
-        ("response", {"real": [1.0]}, r"response\.response must be an array of numbers"),
-        ("spans", [["a", 1.0]], r"spans\[0\] must be a list of 3"),
-        ("marks", [], "unknown setting of the frequency response 'marks'"),
-    ):
+    for field, item, message in rows(globals(), "test_a_response_checks_its_fields"):
         with pytest.raises(InputError, match=message):
             FrequencyResponse.from_dict({**plain, field: item})
 

@@ -8,6 +8,7 @@ from command import said
 from helisim.base.errors import HelisimError, InputError, LogError, StorageError, UnknownNameError
 from helisim.logs import dataflash, read_log
 from helisim.logs.dataflash import DataFlash
+from tabled import tabled
 
 
 def small():
@@ -193,16 +194,23 @@ def test_a_letter_that_is_not_known(tmp_path):
     log._forms[9] = "Qf5sB"
     for k in range(4):
         log.write(9, k, 1.5, b"?????", 2)
-    log.define(8, "BAD", "QffffB", "TimeUS,A,B,C,D,E", length=3 + 8 + 4)
-    log._forms[8] = "Qf"
-    log.write(8, 7, 2.5)
     read = DataFlash(log.save(tmp_path))
-    assert (read.skipped, *read.table("NEW").columns) == (0, "A")
-    assert np.array_equal(read.table("NEW")["A"], [1.5] * 4)
-    assert np.array_equal(read.table("BAD")["A"], [2.5])
+    assert (read.skipped, *read.table("NEW").columns) == (0, "A", "C")  # 5 bytes of B are the rest
+    assert (*read.table("NEW")["A"], *read.table("NEW")["C"]) == (1.5,) * 4 + (2.0,) * 4
     log = read_log(tmp_path / "a.bin", channels={"p": "ONE.X"})
-    said = [one.text for one in log.report.findings if one.kind == "format"]
-    assert [one.partition(",")[0] for one in said] == ["NEW: B", "BAD: B"]
+    (said,) = (one.text for one in log.report.findings if one.kind == "format")
+    assert said.startswith("NEW: 'B', of the format letter 'x'")
+
+
+@tabled("at", "value", "columns", "told")
+def test_damage_to_a_row_of_formats_shifts_no_field(tmp_path, at, value, columns, told):
+    """What a log states once of its messages: what contradicts itself is not read, and told."""
+    log = counting(600)
+    at += log.data.index(bytes((0xA3, 0x95, 128, 1)))
+    read = DataFlash(saved(tmp_path, log.data[:at] + bytes((value,)) + log.data[at + 1 :]))
+    assert (told in read.damage, bool(told)) == (True, read.damaged)
+    assert (read.has("TWO", "N", "X"), read.has("ONE", "X")) == (True, False)
+    assert (read.table("ONE").columns if "ONE" in read else None) == columns
 
 
 def test_a_clock_that_goes_back(tmp_path):
@@ -280,7 +288,7 @@ def test_random_bytes_cost_the_numbers_that_they_hit(tmp_path, share, seed):
         assert np.count_nonzero(off > 2.0) <= share * count
         assert np.count_nonzero(np.isnan(table["X"])) < 8.0 * share * count + 2
     assert read.damaged
-    assert f"({read.skipped} of {read.size} bytes)" in read.damage
+    assert (f"({read.skipped} of {read.size} bytes)" in read.damage) == (read.skipped > 0)
 
 
 def test_what_stands_beside_a_spike_is_dropped_after_it():

@@ -83,8 +83,8 @@ class UnknownNameError(InputError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         made = partial(UnknownNameError, advice=self._advice)
-        state = {"args": self.args, "remedy": self.remedy}  # with words put before the message
-        return made, self._arguments, state
+        # the state has words that were put before the message
+        return made, self._arguments, {"args": self.args, "remedy": self.remedy}
 
     @property
     def unlisted(self) -> tuple[str, ...]:

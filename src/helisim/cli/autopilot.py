@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from helisim.sitl import Aircraft, Frame, Link, Sensed
     from helisim.sitl.pilot import Pilot, Steps
 
+# Signals of a polite end by another program, or of the terminal, where there is one
+_ENDS = (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM))
 _EACH = 10.0  # s of the clock between two lines that say how far a flight is
 
 
@@ -81,8 +83,9 @@ def sitl(o: Options) -> None:
     """
     from helisim.sitl import Aircraft, Link
 
-    # a polite end by another program is one by Ctrl-C, so that what was flown is written
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for one in _ENDS:  # are an end by Ctrl-C, so that what was flown is written
+        if signal.getsignal(one) is signal.SIG_DFL:  # nohup ignores the terminal's
+            signal.signal(one, signal.default_int_handler)
     given = [f"--{name}" for name in ("log", "ardupilot", "parm", "axes") if getattr(o, name)]
     if given and o.script is None:
         raise InputError(f"{', '.join(given)}: of a flight that --script flies")
@@ -233,9 +236,7 @@ def _fly_script(o: Options, script: "Callable[[Pilot], Steps]", aircraft: "Aircr
         try:
             flight = fly_script(seen, aircraft, program, own, log=o.log, say=tell, **calls)
         finally:  # what led to a crash is in the record, which another signal doesn't lose
-            heard = {
-                one: signal.signal(one, lambda *_: None) for one in (signal.SIGINT, signal.SIGTERM)
-            }
+            heard = {one: signal.signal(one, lambda *_: None) for one in {signal.SIGINT, *_ENDS}}
             if aircraft.time > 0.0:
                 _writer(o, aircraft)()
             for one, before in heard.items():

@@ -347,7 +347,10 @@ def _fits(o: Options, found: "Inferred") -> "tuple[InferredFit, ...]":
         )
         raise InputError(
             f"{', '.join(f'--{name}' for name in _OF_ONE)} are of one structure, and the sweeps "
-            f"allow {have or 'none'}; choose one by --structure"
+            f"allow {have}; choose one by --structure"
+            if fits
+            else f"{found.logs[0].path}: no structure fits what was swept with the channels that "
+            f"it has, {', '.join(sorted(found.channels))}; choose one by --structure"
         )
     given = {name: getattr(o, name) for name in ("conditioning", "reference") if getattr(o, name)}
     return tuple(replace(fit, **given) for fit in fits)

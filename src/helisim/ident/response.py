@@ -106,8 +106,7 @@ class FrequencyResponse(Value, Displayed):
             "cross_control_coherence": (n_in, n_in, n_freq),
         }
         for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                found = getattr(self, name).shape
+            if (found := getattr(self, name).shape) != shape:
                 raise InputError(f"{name} has shape {found}, expected {shape}")
         if n_freq == 0 or self.frequency[0] <= 0.0 or np.any(np.diff(self.frequency) <= 0.0):
             raise InputError("frequency must be positive and increasing, in rad/s")

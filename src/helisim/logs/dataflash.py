@@ -12,7 +12,7 @@ import re
 import struct
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from os import PathLike
@@ -48,6 +48,7 @@ _AUTOTUNE = {"ATUN", "ATDE", "ATNH", "ATDH", "ATSH"}
 _TWICE = re.compile("RATE|PID.")
 _INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
 _BLOCK = 16  # messages on either side of a clock's reset, whose medians go back
+_NAMED = 3  # types of messages that a sentence names
 _FEW = 9  # messages that tell a reset from a wrong stamp, and when a log began and ended
 _APART = 600.0  # s that a message may be before or after all types of more than a few
 _REST = 10.0  # s from one to the next of logs that are joined
@@ -84,7 +85,7 @@ class _Field(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """An FMT message; `lost` says why fields are left out."""
+    """An FMT message; `lost` says why fields are left out: all, if it contradicts itself."""
 
     number: int
     name: str
@@ -99,22 +100,26 @@ class _Layout(NamedTuple):
 
 def _layout(message: bytes) -> _Layout | None:
     number, length, *texts = _FMT.unpack(message)
-    name, letters, labels = map(_text, texts)
-    said = name + letters + labels
-    if length < _HEADER or not name or not (said.isascii() and said.isprintable()):
+    name, letters, said = map(_text, texts)
+    if length < _HEADER or not (name and name.isascii() and name.isprintable()):
         return None
+    labels = [label.strip() for label in said.split(",")]
+    kinds = [_LETTERS.get(letter, ("V0", 1.0)) for letter in letters]
+    rest = length - _HEADER - sum(np.dtype(kind).itemsize for kind, _ in kinds)
+    if len(labels) != len(letters) or rest < 0 or (rest > 0) != (kinds.count(("V0", 1.0)) == 1):
+        return _Layout(number, name, length, {}, "contradicts itself")
     fields: dict[str, _Field] = {}
     offset, lost = _HEADER, ""
-    for k, (letter, label) in enumerate(zip(letters, labels.split(",") + [""] * len(letters))):
-        kind, divisor = _LETTERS.get(letter, (f"V{length}", 1.0))
+    for k, (letter, label) in enumerate(zip(letters, labels)):
+        kind, divisor = _LETTERS.get(letter, (f"V{rest}", 1.0))
         field = _Field(np.dtype(kind), offset, divisor, k)
         offset += field.kind.itemsize
-        if offset > length:
-            lost = f"{name}: {label.strip() or 'its rest'}, of the format letter {letter!r}, "
-            lost += f"isn't known or goes beyond {length} bytes; it and what follows is left out"
-            break
-        if label.strip() and field.kind.base.kind != "V":
-            fields.setdefault(label.strip(), field)
+        if field.kind.base.kind == "V" or not (label.isascii() and label.isprintable()):
+            lost = (
+                f"{name}: {label!r}, of the format letter {letter!r}, isn't known; it is left out"
+            )
+        elif label:
+            fields.setdefault(label, field)
     return _Layout(number, name, length, fields, lost)
 
 
@@ -122,9 +127,16 @@ def _text(data: bytes) -> str:
     return data.split(b"\0", 1)[0].decode(errors="replace")
 
 
-def _scan(read: Callable[[], NDArray[np.uint8]]) -> list[tuple[_Layout, _Places]]:
+def _some(texts: Sequence[str]) -> str:
+    return ", ".join(texts[:_NAMED]) + f" and {len(texts) - _NAMED} others" * (len(texts) > _NAMED)
+
+
+def _scan(
+    read: Callable[[], NDArray[np.uint8]],
+) -> tuple[list[tuple[_Layout, _Places]], int]:
     """Return each type's first layout, and where its messages begin: those that another follows.
 
+    Also how many types have messages and no layout: FMT comes once, and damage may hit it.
     `read` maps the log anew each time, so that no more than a window of it is in memory.
     """
     size = read().size
@@ -141,9 +153,11 @@ def _scan(read: Callable[[], NDArray[np.uint8]]) -> list[tuple[_Layout, _Places]
     del marks, ids
     data, begins = read(), np.append(places, kind(size))
     fmts, layouts = places[numbers == _FMT_NUMBER], dict[int, _Layout]()
-    for place in fmts[_holds(begins, fmts + kind(_FMT.size))].tolist():
+    fmts = fmts[fmts <= size - _FMT.size]
+    for place, followed in zip(fmts.tolist(), _holds(begins, fmts + kind(_FMT.size))):
         found = _layout(data[place : place + _FMT.size].tobytes())
-        if found is not None and (found.number != _FMT_NUMBER or found.length == _FMT.size):
+        right = found and (found.number != _FMT_NUMBER or found.length == _FMT.size)
+        if found and right and (followed or not found.lost):
             layouts.setdefault(found.number, found)
     # PX4 writes none of FMT itself
     layouts.setdefault(_FMT_NUMBER, _Layout(_FMT_NUMBER, "FMT", _FMT.size, {}, ""))
@@ -153,9 +167,16 @@ def _scan(read: Callable[[], NDArray[np.uint8]]) -> list[tuple[_Layout, _Places]
     kept = np.flatnonzero((ends > places) & _holds(begins, ends))
     while (inside := places[kept[1:]] < ends[kept[:-1]]).any():
         kept = np.delete(kept, 1 + np.flatnonzero(inside & ~np.append(False, inside[:-1])))
+    # of types that stand where whole messages end, more often than damage makes any
+    alone = lengths[numbers] == 0
+    after = _holds(np.append(ends[kept], kind(size)), places[alone])
+    counts = np.bincount(numbers[alone][after], minlength=256)
+    formless = int(np.sum(counts > _FEW * (1.0 + np.median(counts[lengths == 0]))))
     places, numbers = places[kept], numbers[kept]
     del begins, ends, kept
-    return [(layout, places[numbers == number]) for number, layout in layouts.items()]
+    return [(layout, places[numbers == number]) for number, layout in layouts.items()], int(
+        formless
+    )
 
 
 def _holds(increasing: NDArray[Any], wanted: NDArray[Any]) -> NDArray[np.bool_]:
@@ -252,6 +273,7 @@ class LogText(NamedTuple):
 class DataFlash:
     """An ArduPilot log; `skipped` bytes belong to no whole message, the last `cut_off` of them.
 
+    `formless` types of messages have no format (FMT) that can be read.
     `strays` is type -> messages that are left out for their stamp. Logs joined one after the other
     (`joined` tells) are one, each later than that before. Raises StorageError if it can't be read,
     holds no message, or is text.
@@ -263,7 +285,8 @@ class DataFlash:
         start = first_bytes(self.path, _SNIFFED)
         if _FMT_START not in start and _TEXT_START.search(start):
             raise StorageError(f"{path}: a DataFlash log as text; give the binary log itself, .bin")
-        found = _scan(self._bytes) if self.size else []
+        found, self.formless = _scan(self._bytes) if self.size else ([], 0)
+        self._contradicting = [one.name for one, _ in found if one.lost and not one.fields]
         self.skipped = self.size - sum(layout.length * places.size for layout, places in found)
         self._types = {layout.name: (layout, places) for layout, places in found if places.size}
         if not self._types:
@@ -277,6 +300,12 @@ class DataFlash:
 
     def __contains__(self, name: object) -> bool:
         return name in self._types
+
+    def has(self, name: str, *fields: str) -> bool:
+        """Return whether it has messages of a type, with a clock and these fields."""
+        return name in self and (
+            bool(self._layout(name).clock or self.timed) and self.fields(name).keys() >= set(fields)
+        )
 
     def instances(self, name: str) -> tuple[int, ...]:
         """Return the numbers of a type's sensors, sorted; (0,) for one. Raises UnknownNameError."""
@@ -367,20 +396,25 @@ class DataFlash:
     @property
     def damaged(self) -> bool:
         """Whether bytes were changed, not only cut off at the end."""
-        return self.skipped > self.cut_off or self.strays.total() > 0
+        return self.skipped > self.cut_off or self.strays.total() > 0 or bool(self._contradicting)
 
     @property
     def damage(self) -> str:
         """What can't be read, as a sentence; empty of a sound log, and of one that was cut off."""
-        if not self.damaged:
-            return ""
-        most = [f"{count} of {name}" for name, count in self.strays.most_common(3) if count]
-        said = f"{self.strays.total()} messages ({', '.join(most)}) have stamps that don't fit; "
-        return (
+        most = [f"{count} of {name}" for name, count in self.strays.most_common() if count]
+        said = (
             f"{100.0 * self.skipped / self.size:.3g} % of the log ({self.skipped} of {self.size} "
-            f"bytes) is no whole message; {said if most else ''}the log is damaged: these are left "
-            "out, numbers that can't be are missing, and parameters may be wrong; copy it anew"
+            "bytes) is no whole message" * (self.skipped > 0),
+            f"the formats (FMT) of {_some(self._contradicting)} contradict themselves"
+            * bool(self._contradicting),
+            f"the format (FMT) of {self.formless} types of messages, which a log has once, is lost"
+            * (self.formless > 0),
+            f"{self.strays.total()} messages ({_some(most)}) have stamps that don't fit"
+            * bool(most),
+            "the log is damaged: these are left out, numbers that can't be are missing, and "
+            "parameters may be wrong; copy it anew",
         )
+        return "; ".join(filter(None, said)) if self.damaged else ""
 
     @property
     def named(self) -> str:
@@ -576,7 +610,7 @@ class DataFlash:
         return [
             *([LogFinding(kind, f"{self.path}: {corrupt}")] if corrupt else ()),
             *([LogFinding("joined", joined)] if len(self.joints) > 1 else ()),
-            *(LogFinding("format", text) for text in lost),
+            *(LogFinding("format", text) for text in lost if not self.damaged),
             *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
             *([LogFinding("autotune", tested)] if own else ()),
         ]

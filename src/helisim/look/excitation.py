@@ -200,8 +200,8 @@ def _kind(time: Real, values: Real, amplitude: float) -> tuple[Kind, float, floa
     ranks = np.argsort(np.argsort(found))
     rising = abs(float(np.corrcoef(ranks, np.arange(found.size))[0, 1])) > _RISING
     if rising and max(begin, end) > _SPAN * min(begin, end):
-        low = found[:2] if begin < end else found[-2:]  # few waves are slow
-        return "sweep", float(np.min(low)), max(begin, end)
+        # few waves are slow
+        return "sweep", float(min(found[:2] if begin < end else found[-2:])), max(begin, end)
     return "motion", *_occupied(step, values)
 
 

@@ -32,6 +32,7 @@ _FLOWN = 0.01  # standard deviation of a response in flight from that at trim, a
 _A_PERIOD = 5.0  # samples at the highest frequency, at least
 _AROUND = 3.0  # s before and after what moves a target, and after lift-off, before landing
 _MOVES, _SHORTEST = 0.1, 10.0  # of the fastest move of the same target, from which it moves; s
+_WHOLE = 10.0 * np.pi / _BAND[0]  # s: five windows, each of a period of the lowest frequency
 _SET = "set LOG_BITMASK's bits 0 and 1"
 
 
@@ -81,7 +82,13 @@ def stick_response(logs: Sequence[DataFlash]) -> StickResponse:
     Raises LogError if messages are missing or no target of attitude moves in flight, and
     IdentificationError if the parts of the flights are too short or commands moved as one.
     """
-    starts, records = zip(*(one for log in logs for one in _records(log)))
+    parts = [one for log in logs for one in _records(log)]
+    if (flown := sum(one.duration for _, one in parts)) < _WHOLE:
+        raise LogError(
+            f"{logs[0].named}a target of attitude moves in flight for {flown:.3g} s, in parts of "
+            f"{_SHORTEST:g} s or more; expected {_WHOLE:.3g} s or more"
+        )
+    starts, records = zip(*parts)
     slowest = _A_PERIOD * max(one.sample_time for one in records)
     found = estimated(
         records,
@@ -127,16 +134,11 @@ def _records(log: DataFlash) -> list[tuple[float, FlightRecord]]:
     channels = tuple(Channel(name, "1", "OTHER") for name in names)
     columns = np.column_stack([*sent, *turned, *aims])
     made, steps = {"made_by": "ArduCopter"}, np.arange(time.size, dtype=np.float64) * period
-    found = [
+    return [
         (float(time[a]), FlightRecord(steps[: b - a], columns[a:b], channels, made))
         for a, b in stretches(used)
         if (b - a) * period >= _SHORTEST
     ]
-    if not found:
-        raise LogError(
-            f"{log.path}: no target of attitude ({angles}) moves in flight for {_SHORTEST:g} s"
-        )
-    return found
 
 
 def _mean(stamps: Real, values: Real, edges: Real) -> Real:

@@ -454,7 +454,8 @@ def _inferred(
         text = f"{path}: no sweep lies within the limits; they are from {spans} s after the log's"
         raise LogError(f"{text} first sample", remedy="from,to")
     spans = [(one.start + log.begins, one.stop + log.begins) for one in mine]
-    frame = parameters.get("FRAME_CLASS", float("H_SW_TYPE" in parameters) * _HELICOPTER)
+    own = not parameters or any(name.startswith("H_RSC_") for name in parameters)
+    frame = parameters.get("FRAME_CLASS", float(own) * _HELICOPTER)
     channels = _chosen_channels(log, given, spans)
     return InferredLog(
         path=str(path),
@@ -508,11 +509,9 @@ def _conditions(log: DataFlash, channels: Sequence[TakenChannel], spans: Spans) 
 
 def _flown(log: DataFlash, message: str, field: str, spans: Spans) -> Real:
     """Return a field of a message's first sensor during sweeps, (n_message,); none if it lacks."""
-    if message not in log or 0 not in log.instances(message):
+    if not log.has(message, field) or 0 not in log.instances(message):
         return np.zeros(0)
     table = log.table(message)
-    if field not in table.columns:
-        return np.zeros(0)
     values, time = np.asarray(table[field], np.float64), table.time
     inside = np.any([(time >= start) & (time <= stop) for start, stop in spans], axis=0)
     return values[inside & np.isfinite(values)]
@@ -542,9 +541,10 @@ def _chosen_channels(
         )
     if not {"lat", "lon", "ped", "col"} & set(taken):
         raise LogError(
-            f"{log.named}no RATE messages beside the sweeps, "
-            "which say what the mixer was "
-            "commanded; set LOG_BITMASK's bits 0 and 1, or say which columns the commands are",
+            f"{log.named}no RATE messages {'can be read ' * bool(log.damage)}beside the sweeps, "
+            "which say what the mixer was commanded; "
+            f"{'' if log.damage else 'set bits 0 and 1 of LOG_BITMASK, or '}say which columns the "
+            "commands are",
             remedy=Option("channel", "lat=COLUMN:UNIT"),
         )
     return tuple(taken.values())
@@ -592,6 +592,11 @@ def _diagnostics(log: InferredLog, rate: float) -> list[str]:
     x, y, z = imu_place(log.parameters)
     yawed = any(one.sid_axis.control == "ped" for one in log.used)
     notes = (
+        (
+            log.findings and not log.parameters,
+            f"{log.path}: no parameters (PARM) are left: it is taken for a helicopter with one "
+            "main rotor, and nothing tells where its sensors sit",
+        ),
         (
             log.dropped > _DROPPED and not log.findings,
             f"{log.path}: the logger dropped {100.0 * log.dropped:.0f} % of the messages while "

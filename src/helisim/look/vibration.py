@@ -344,8 +344,8 @@ def _is_set(own: Mapping[str, float], bit: tuple[str, int]) -> bool:
 def _sensed(log: DataFlash) -> tuple[str, float]:
     """Return the message that tells a rotor's speed, and its Hz; "" and 0 if none is live."""
     for name, column in _SPEEDS:
-        if name in log and column in (table := log.table(name, log.instances(name)[0])).columns:
-            speed = np.asarray(table[column], np.float64)
+        if log.has(name, column):
+            speed = np.asarray(log.table(name, log.instances(name)[0])[column], np.float64)
             if np.ptp(speed) > 0.0:  # one that stays the same is of no sensor
                 return name, float(np.median(speed[speed > 0.5 * np.max(speed)])) / 60.0
     return "", 0.0

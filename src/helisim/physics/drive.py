@@ -177,9 +177,7 @@ def engine_torque(par, throttle, speed, source):
 def shaft_torque(par, throttle, speed, source):
     """Return the torque that reaches the main shaft through the freewheel, N m: never negative."""
     torque, whole = max(0.0, engine_torque(par, throttle, speed, source)), grip(par)
-    if torque >= whole:
-        return torque
-    return torque**2 * (2.0 * whole - torque) / whole**2
+    return torque if torque >= whole else torque**2 * (2.0 * whole - torque) / whole**2
 
 
 @kernel()

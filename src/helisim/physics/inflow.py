@@ -38,11 +38,9 @@ def soft_limit(x, limit, core):
     """Return x itself while |x| <= core * limit, then approach the limit smoothly."""
     edge = core * limit
     rest = limit - edge
-    if x > edge:
-        return edge + rest * math.tanh((x - edge) / rest)
-    if x < -edge:
-        return -edge + rest * math.tanh((x + edge) / rest)
-    return x
+    if abs(x) <= edge:
+        return x
+    return math.copysign(edge + rest * math.tanh((abs(x) - edge) / rest), x)
 
 
 @kernel()
@@ -71,9 +69,7 @@ def mass_flow(induced, climb, advance):
     """Return V, the ratio of the air's speed through the disc, and its slope by v."""
     square, half_slope = flow_square(induced, climb, advance)
     flow = math.sqrt(square)
-    if flow == 0.0:
-        return 0.0, 0.0
-    return flow, half_slope / flow
+    return flow, half_slope / flow if flow > 0.0 else 0.0
 
 
 @kernel()

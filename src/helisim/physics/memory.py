@@ -288,18 +288,15 @@ def sensor_numbers(view):
 @kernel()
 def speed_ratio(view):
     """Return the rotor's speed over its nominal one; an ideal governor keeps what is asked for."""
-    if view.par[PARAM.drive_governor] != 0.0:
-        return view.act[STATE.speed]
-    return commanded_speed(view)
+    return view.act[STATE.speed] if view.par[PARAM.drive_governor] else commanded_speed(view)
 
 
 @kernel()
 def commanded_speed(view):
     """Return the rotor speed that is asked for, over the nominal one; 1 where a pilot flies."""
     pilot = view.par[PARAM.pilot_on]
-    if pilot != 0.0 and pilot != HANDS_OFF_ROTOR:
-        return 1.0
-    return view.controls[CONTROL.rotor]
+    flies = pilot != 0.0 and pilot != HANDS_OFF_ROTOR
+    return 1.0 if flies else view.controls[CONTROL.rotor]
 
 
 @kernel()

@@ -112,9 +112,7 @@ def excitation(par, time):
             par[PARAM.sweep_unsteadiness],
             par[PARAM.pilot_seed],
         )
-    if par[PARAM.excitation] == DOUBLET:
-        return doublet(since, duration)
-    return 0.0
+    return doublet(since, duration) if par[PARAM.excitation] == DOUBLET else 0.0
 
 
 @kernel()

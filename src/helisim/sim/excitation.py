@@ -202,9 +202,8 @@ def own_setting(
             "of its sticks"
         )
     section = f"sweep.{_OWN_AXIS.get(axis, axis)}"
-    if name == "band":
-        return own[f"{section}_w_min"], own[f"{section}_w_max"]
-    return own[f"{section}_{name}"]
+    low, high = f"{section}_w_min", f"{section}_w_max"
+    return (own[low], own[high]) if name == "band" else own[f"{section}_{name}"]
 
 
 def is_compiled(excitation: Excitation) -> bool:

@@ -18,7 +18,7 @@ from helisim.handling.arducopter import COMMANDS, WORDS
 from helisim.handling.figures import margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.records.record import IN1
-from helisim.sitl.aircraft import SPOOL_UP
+from helisim.sitl.aircraft import SPOOL_UP, powered
 from helisim.sitl.gains import (
     AHEAD,
     FILTER_HZ,
@@ -350,7 +350,8 @@ def parameters_for(
     told = {one.name: one.value for group in groups.values() for one in group}
     scale = command_scale(Mixer(told), outputs, vehicle.swashplate, told["H_COL_HOVER"])
     scale = np.eye(4) if of_autopilot else scale
-    known = model or replace(vehicle.linearize(), delays={})
+    # with the motor, if it has one: without, the rotor's inertia would yaw with the body
+    known = model or replace(powered(vehicle, vehicle.model.opt.timestep).linearize(), delays={})
     lean = (vehicle.trim.phi, vehicle.trim.theta)
     tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot)
     groups["loops, and the filters in them"] = _LOOPS

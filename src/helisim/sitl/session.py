@@ -92,6 +92,8 @@ def fly_script(
             if log is not None and autopilot.log is not None:
                 autopilot.keep_log(log)
                 say(f"its log until then is kept: {log}")
+            elif log is not None:
+                say("it had begun no log: it does when it is armed")
             raise
         lost = 0
         if log is not None:

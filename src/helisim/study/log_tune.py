@@ -66,7 +66,11 @@ _LEVEL, _SETTLES = 1.0, 3.0
 # rad/s, between `BAND` from 0.1 Hz on: slower errors are of trim, where no sweep tells a model
 _EDGES = np.sqrt([*BAND[:1], *BAND] * np.array([*BAND, *BAND[-1:]])).clip(0.2 * math.pi)
 _STILL = math.radians(0.02)  # of attitude's error, which ArduPilot's law takes for none
-_YAW = 7.5  # 1/s: beyond 120 deg/s^2 over its square, here 2 deg, ArduPilot's yaw follows a root
+# ArduPilot's yaw follows a root of errors that are larger than an acceleration over the square of
+# ATC_ANG_YAW_P: half of ATC_ACCEL_Y_MAX, from 10 to 120 deg/s^2 (AC_AttitudeControl.h and .cpp,
+# AC_ATTITUDE_ACCEL_Y_CONTROLLER_MAX_RADSS, update_ang_vel_target_from_att_error; AP_Math's
+# sqrt_controller). Up to so many deg it is to be linear.
+_LINEAR = 2.0
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -246,6 +250,7 @@ def tune_log(
         return LogTuning(tuple(paths), heard, remarks=(f"no gains: {error}",))
     start = inferred.used[0].start
     remarks = [f"{fit.structure.name}: {fit.verdict}" for fit in plant.fits if fit.verdict.reasons]
+    remarks += [f"left out: {one}" for log in inferred.logs for one in log.sweeps if one.unused]
     if plant.still:
         remarks.append(
             f"no model tells {', '.join(plant.still)}: taken to be held; sweep roll, pitch and yaw "
@@ -293,11 +298,12 @@ def tune_log(
         else whites(plants[0], law, axis)
         for axis in stays
     }
+    most = math.sqrt(np.clip(0.005 * (own.get("ATC_ACCEL_Y_MAX") or 27e3), 10.0, 120.0) / _LINEAR)
     gains, tuned, none = searched(
         *(plants, with_gains, law, stays, required, moves),
         slopes={axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes},
         ahead={axis: law.rates[axis].ff for axis in axes},
-        held={"ped": HELD[max(law.angle["ped"], _YAW) >= HELD]},
+        held={"ped": HELD[max(law.angle["ped"], most) >= HELD]},
     )
     none |= wrong
     better = with_gains(gains)
@@ -322,10 +328,10 @@ def tune_log(
 
 
 def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
-    if "MODE" not in log:
+    if not log.has("MODE", "Mode"):
         return ()
     table, names = log.table("MODE"), {number: name for name, number in MODES.items()}
-    numbers = np.asarray(table["ModeNum" if "ModeNum" in table.columns else "Mode"], int).tolist()
+    numbers = np.asarray(table["Mode"], int).tolist()
     return tuple(
         (at, names.get(one, f"mode {one}"))
         for at, one in zip((table.time - log.begins).tolist(), numbers)
@@ -336,7 +342,7 @@ def _histories(log: DataFlash) -> dict[str, tuple[Real, Real]]:
     """Return what a log has over time: height, and sizes of wind and rotor speed."""
     found = dict[str, tuple[Real, Real]]()
     for label, message, names in _HISTORIES:
-        if message in log and set(names) <= log.fields(message).keys():
+        if log.has(message, *names):
             table = log.table(message, log.instances(message)[0])
             size = np.linalg.norm([np.asarray(table[name], np.float64) for name in names], axis=0)
             if np.any(size):  # an EKF that estimates no wind says 0

@@ -134,9 +134,7 @@ def as_json(value: Any) -> Any:
         return {name: as_json(getattr(value, name)) for name in names}
     if isinstance(value, Mapping):
         return {str(key): as_json(one) for key, one in value.items()}
-    if isinstance(value, tuple | list):
-        return [as_json(one) for one in value]
-    return to_plain(value)
+    return [as_json(one) for one in value] if isinstance(value, tuple | list) else to_plain(value)
 
 
 def read_results(path: str | Path) -> Results:

@@ -306,8 +306,7 @@ class MeasuredLoop(Value):
 
     def disturbance(self, axis: str) -> Curve:
         """Return the sensed angle over a disturbance of it, or of a command that acts alone."""
-        name = axis_of(axis).name
-        mine = [cut for cut in self.used if cut.axis == name]
+        mine = [cut for cut in self.used if cut.axis == axis_of(axis).name]
         alone = [cut for cut in mine if cut.alone]
         turned = any(cut.at == "sensors" for cut in mine)
         return self._at_cut(alone[0] if alone and not turned else self._cut(axis, "sensors"), "S")
