@@ -209,10 +209,14 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, columns,
 
 
 def test_a_loop_that_crosses_over_beyond_its_model_is_no_figure(log, few_draws, monkeypatch):
-    monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_: (2.0, 5.0))
+    monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_: (2.0, 8.3))
     (yaw,) = tune_blackbox([str(log)]).axes
-    assert "and the flight tells the model to 4.99; fly for two" in yaw.why
+    assert "and the flight tells the model to 8.11; fly for two" in yaw.why
     assert math.isnan(yaw.today["crossover"].low)
+    monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_: (2.0, 5.0))
+    narrow = tune_blackbox([str(log)])  # two octaves are needed
+    assert not narrow.axes
+    assert "does not show r/ped beyond 2 to 4.99 rad/s; fly for two" in " ".join(narrow.remarks)
 
 
 def test_a_gain_margin_is_told_within_the_models_band_alone():

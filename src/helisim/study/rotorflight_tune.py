@@ -46,7 +46,8 @@ _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
 # rms of the relative difference of a flight's responses from those of the hover: 1.4 % in light
 # turbulence at up to 4 m/s, half of it without (scripts/proof/rotorflight_study.py); heave's, too
-_ELSEWHERE = 0.015
+# From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
+_ELSEWHERE, _WIDE = 0.015, 4.0
 # The collective moves the nose, and by precompensation the pedals. Pilots answer gusts by cyclic,
 # hardly by pedals, whose command knows the rate better than a gyro in whole deg/s. Gusts hide how
 # a speed flaps back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
@@ -360,7 +361,14 @@ def _models(
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
-            if blind := [k for k, x in fit.parameters.items() if math.isinf(x.standard_error)]:
+            if blind := [
+                *(k for k, x in fit.parameters.items() if math.isinf(x.standard_error)),
+                *(
+                    f"{pair} beyond {low:.3g} to {high:.3g} rad/s"
+                    for pair, (low, high) in fit.bands.items()
+                    if high < _WIDE * low and tuple(pair.split("/")) in zip(own.outputs, own.inputs)
+                ),
+            ]:
                 raise IdentificationError(f"the flight does not show {', '.join(blind)}")
         except (IdentificationError, InputError) as error:
             remarks.append(f"no model of {words}: {error}; {_FLY}")
