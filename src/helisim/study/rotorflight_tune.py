@@ -366,7 +366,7 @@ def _models(
                 *(
                     f"{pair} beyond {low:.3g} to {high:.3g} rad/s"
                     for pair, (low, high) in fit.bands.items()
-                    if high < _WIDE * low and tuple(pair.split("/")) in zip(own.outputs, own.inputs)
+                    if high < _WIDE * low and pair in map("/".join, zip(own.outputs, own.inputs))
                 ),
             ]:
                 raise IdentificationError(f"the flight does not show {', '.join(blind)}")
