@@ -159,9 +159,7 @@ def refuse(*_):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-@pytest.mark.parametrize(
-    "write", [structures.heave.to_toml, lambda path: write_json({"a": 1}, path)]
-)
+@tabled("write")
 def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkeypatch, write):
     path = tmp_path / "file.json"
     path.write_text("old")
@@ -172,9 +170,7 @@ def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkey
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
-    "name", ["Flüge und Läufe/日本 1.json", 'it\'s "a" % {file} #1.json', "é" * 120 + ".json"]
-)
+@tabled("name")
 def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
