@@ -209,7 +209,7 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline) -> tuple[str, str]:
         import pytest
 
         sys.dont_write_bytecode = True
-        return int(pytest.main(["-xqn0", "-p", "no:cacheprovider", "-m", "not study", *tests]))
+        return int(pytest.main(["-xq", "-n0", "-pno:cacheprovider", "-m", "not study", *tests]))
 
     try:
         path.write_text(mutated, encoding="utf-8")
