@@ -173,7 +173,7 @@ def ardupilots_helicopter(parameters: Mapping[str, float]) -> LinearSystem:
 
 
 def as_stepped(fits: list[hs.Fit], parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return what the fits have of its exact responses: Euler's steps move L_b by 0.8 %."""
+    """Return what the same fits find in its exact responses: its steps move L_b by 0.8 %."""
     plant, found = ardupilots_helicopter(parameters), dict[str, float]()
     for fit in fits:
         if {*fit.data.outputs} <= {*OUTPUTS}:

@@ -11,7 +11,7 @@ from scipy.signal import chirp, cont2discrete, lfilter
 import helisim as hs
 import script
 from helisim.ident.evidence import _driven, _filled, _frozen, held, left_of  # noqa: F401  (rows name them)
-from helisim.ident.feedback import _cells, _regressed  # noqa: F401
+from helisim.ident.feedback import _cells, _regressed  # noqa: F401  (rows name them)
 from helisim.ident.response import opposes
 from ident_data import record
 from tabled import tabled

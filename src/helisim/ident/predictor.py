@@ -65,7 +65,7 @@ class Predictor(Local):
         rows, now = np.split(np.concatenate(parts), [-n_out], axis=1)
         turn, linear = np.exp(-1j * tick * omega)[:, None], wide.size * len(names)
         lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
-        for cubes in (jumps, not jumps):
+        for cubes in (jumps, not jumps):  # the last is the estimate, the other its gap
             some = rows if cubes else rows[:, :linear]
             unit = 1.0 / (some.std(axis=0) + 1e-300)
             left, size, right = np.linalg.svd(some * unit, full_matrices=False)

@@ -174,9 +174,7 @@ def _scan(
     formless = int(np.sum(counts > _FEW * (1.0 + np.median(counts[lengths == 0]))))
     places, numbers = places[kept], numbers[kept]
     del begins, ends, kept
-    return [(layout, places[numbers == number]) for number, layout in layouts.items()], int(
-        formless
-    )
+    return [(one, places[numbers == number]) for number, one in layouts.items()], formless
 
 
 def _holds(increasing: NDArray[Any], wanted: NDArray[Any]) -> NDArray[np.bool_]:
@@ -407,7 +405,7 @@ class DataFlash:
             "bytes) is no whole message" * (self.skipped > 0),
             f"the formats (FMT) of {_some(self._contradicting)} contradict themselves"
             * bool(self._contradicting),
-            f"the format (FMT) of {self.formless} types of messages, which a log has once, is lost"
+            f"the format (FMT), which a log has once, of {self.formless} of its types is lost"
             * (self.formless > 0),
             f"{self.strays.total()} messages ({_some(most)}) have stamps that don't fit"
             * bool(most),

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from helisim.base.arrays import Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import Value, to_plain
 from helisim.design.plant import Plant
-from helisim.handling.arducopter import COMMANDS, WORDS, ArduCopterLaw
+from helisim.handling.arducopter import WORDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.handling.loop import Curve, axis_of
@@ -27,12 +26,11 @@ from helisim.handling.predicted import ATTITUDE_DRB, FlownPlant, PredictedLoop
 from helisim.ident import Fit, identify, structures
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.source import file_digest
-from helisim.look.loops import LOGGED, flown_law, flown_loops, line
-from helisim.look.sticks import StickResponse, flies, stick_response
+from helisim.look.loops import flown_law, flown_loops
+from helisim.look.sticks import StickResponse, stick_response
 from helisim.look.sweeps import own_sweeps
 from helisim.look.systemid import Inferred, estimate_fits, followed_band, infer
 from helisim.look.vibration import Vibration, vibration
-from helisim.records.quality import stretches
 from helisim.records.record import ATTITUDES, RATES, one_blas_thread
 from helisim.sitl.gains import (
     BAND,
@@ -44,11 +42,11 @@ from helisim.sitl.gains import (
     holds,
     passed,
     search,
-    strays,
     tuned_axes,
 )
 from helisim.sitl.parameters import AutopilotParameters, Setting
 from helisim.sitl.pilot import MODES
+from helisim.study.gusts import errs, flown_moves, histories, whites
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -61,16 +59,11 @@ _WORTH = 1.03  # ratio of what disturbances leave, below which today's gains sta
 LOUDER = 1.49  # most noise of the command, of that of today's gains: rounding leaves it below 1.5
 _LESS = 0.99  # most error in gusts, likewise: rounding leaves it below 1
 _SLOPES = (6.0, 10.0)  # Hz, filters of D that are tried
-# m from a hover's usual height, s before and after: what is further away is a climb or a landing
-_LEVEL, _SETTLES = 1.0, 3.0
-# rad/s, between `BAND` from 0.1 Hz on: slower errors are of trim, where no sweep tells a model
-_EDGES = np.sqrt([*BAND[:1], *BAND] * np.array([*BAND, *BAND[-1:]])).clip(0.2 * math.pi)
-_STILL = math.radians(0.02)  # of attitude's error, which ArduPilot's law takes for none
 # ArduPilot's yaw follows a root of errors that are larger than an acceleration over the square of
 # ATC_ANG_YAW_P: half of ATC_ACCEL_Y_MAX, from 10 to 120 deg/s^2 (AC_AttitudeControl.h and .cpp,
 # AC_ATTITUDE_ACCEL_Y_CONTROLLER_MAX_RADSS, update_ang_vel_target_from_att_error; AP_Math's
-# sqrt_controller). Up to so many deg it is to be linear.
-_LINEAR = 2.0
+# sqrt_controller). Up to so many deg it is to be linear; cdeg/s^2 where that is unset or off
+_LINEAR, _ACCEL_Y_MAX = 2.0, 27e3
 _NARROW = 0.1  # of FF + P: of a rate that is asked for, the share that a wrong FF leaves
 _STEPS = (
     "fly in a calm hover in STABILIZE 24 steps of each stick in turn, to one side and the other, "
@@ -100,14 +93,6 @@ _NOTCH = {
     "HMNCS": "bits of the multiples whose tones move the servos: 1, 2, 4, 8 for 1 to 4",
     "OPTS": "single notches",
 }
-_HISTORIES = (
-    ("height, m", "CTUN", ("Alt",)),
-    ("height, m", "POS", ("RelHomeAlt",)),
-    ("wind by the EKF, m/s", "XKF2", ("VWN", "VWE")),
-    ("rotor speed, rpm", "RPM", ("RPM",)),
-    ("rotor speed, rpm", "RPM", ("rpm1",)),
-    ("motor's speed, rpm", "ESC", ("RPM",)),
-)
 _FIELDS = {"P": "p", "I": "i", "D": "d", "FF": "ff", "FLTD": "slope_hz"}
 
 
@@ -293,12 +278,14 @@ def tune_log(
         open_dataflash(one, file_digest(one)) for one in map(Path, paths) if str(one) not in swept
     ]
     moves = {
-        axis: _flown_moves(gusty, plants[0], law, axis, remarks)
+        axis: flown_moves(gusty, plants[0], law, axis, remarks)
         if gusty
         else whites(plants[0], law, axis)
         for axis in stays
     }
-    most = math.sqrt(np.clip(0.005 * (own.get("ATC_ACCEL_Y_MAX") or 27e3), 10.0, 120.0) / _LINEAR)
+    most = math.sqrt(
+        np.clip(0.005 * (own.get("ATC_ACCEL_Y_MAX") or _ACCEL_Y_MAX), 10.0, 120.0) / _LINEAR
+    )
     gains, tuned, none = searched(
         *(plants, with_gains, law, stays, required, moves),
         slopes={axis: dict.fromkeys((law.rates[axis].slope_hz, *_SLOPES)) for axis in axes},
@@ -323,7 +310,7 @@ def tune_log(
         found.append(one)
     return LogTuning(
         *(tuple(paths), heard, tuple(found), tuple(dict.fromkeys(remarks))),
-        *(str(inferred), _modes(log), _histories(log), plant.fits),
+        *(str(inferred), _modes(log), histories(log), plant.fits),
     )
 
 
@@ -336,18 +323,6 @@ def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
         (at, names.get(one, f"mode {one}"))
         for at, one in zip((table.time - log.begins).tolist(), numbers)
     )
-
-
-def _histories(log: DataFlash) -> dict[str, tuple[Real, Real]]:
-    """Return what a log has over time: height, and sizes of wind and rotor speed."""
-    found = dict[str, tuple[Real, Real]]()
-    for label, message, names in _HISTORIES:
-        if log.has(message, *names):
-            table = log.table(message, log.instances(message)[0])
-            size = np.linalg.norm([np.asarray(table[name], np.float64) for name in names], axis=0)
-            if np.any(size):  # an EKF that estimates no wind says 0
-                found.setdefault(label, (table.time - log.begins, size))
-    return found
 
 
 def logged_plant(logs: Sequence[str]) -> tuple[Plant, Inferred]:
@@ -414,7 +389,7 @@ def _by_sticks(
     return LogTuning(
         *(tuple(paths), heard, tuple(axes), tuple(dict.fromkeys(remarks))),
         modes=_modes(logs[0]),
-        histories=_histories(logs[0]),
+        histories=histories(logs[0]),
     )
 
 
@@ -493,72 +468,6 @@ def _put_right(
 def noise_of(plant: Linear, law: Linear, axis: str) -> float:
     """Return the rms of an axis's command over that of white noise of its gyro."""
     return float(passed(ClosedLoop(plant, law, BAND).reached("rate", axis)[axis].response))
-
-
-def errs(plant: Linear, law: Linear, axis: str, moves: Real) -> Real:
-    """Return squares of the rms of target less attitude, (4,), by each of `Required.moves`."""
-    # Rotorflight's sticks ask for rates alone
-    missed = strays(ClosedLoop(plant, law, BAND), axis, getattr(law, "angle", {}))
-    return np.sum(moves * np.abs(missed) ** 2, axis=1)
-
-
-def whites(plant: Linear, law: Linear, axis: str) -> Real:
-    """Return `Required.moves` by which a law errs by 1, where no flight in gusts tells others.
-
-    They are white noise of the command, and of the own target's rate as much if one is asked for.
-    """
-    rows = np.array([np.ones(BAND.size), *((one == axis) * BAND**-2.0 for one in COMMANDS)])
-    sizes = errs(plant, law, axis, np.gradient(BAND) * rows)[:, None]
-    return np.gradient(BAND) * rows / np.where(sizes, sizes * np.count_nonzero(sizes), np.inf)
-
-
-def _flown_moves(
-    logs: Sequence[DataFlash], plant: Linear, law: ArduCopterLaw, axis: str, remarks: list[str]
-) -> Real:
-    """Return `Required.moves` of hovers, by which a law errs by 1, and extend the remarks."""
-    found = np.mean([_moved(log, plant, axis) for log in logs], axis=0)
-    parts = errs(plant, law, axis, found)
-    whole = float(parts.sum())
-    tells = whole > _STILL**2
-    remarks.append(
-        f"{axis_of(axis).word} in gusts errs by {math.degrees(math.sqrt(whole)):.2g} deg with "
-        f"today's gains, {parts[1:].sum() / whole:.0%} of its square because targets move"
-        if tells
-        else f"{axis_of(axis).word} errs by less than {math.degrees(_STILL):.2g} deg in the flight "
-        "that should be in gusts: it stood, or the air was calm, and gusts are taken as usual"
-    )
-    return found / whole if tells else whites(plant, law, axis)
-
-
-def _moved(log: DataFlash, plant: Linear, axis: str) -> Real:
-    """Return `Required.moves`, rad^2, of the longest time of a log near its usual height.
-
-    What the log's own law makes of the targets is taken out of the error; the rest is what turned
-    the helicopter.
-    """
-    angles = log.table("ANG" if "ANG" in log else "ATT")
-    law = flown_law(log, float(np.median(angles.time)))
-    ticks = np.arange(angles.time[0], angles.time[-1], law.period)
-    since, height = _histories(log).get("height, m", (np.zeros(1), np.zeros(1)))
-    off = np.interp(ticks - log.begins, since, np.abs(height - np.median(height)))
-    level = maximum_filter1d(off, 2 * round(_SETTLES / law.period) + 1) < _LEVEL
-    time = ticks[
-        slice(*max(stretches(flies(log, ticks) & level), key=np.ptp, default=(0, ticks.size)))
-    ]
-    lines = (
-        line(angles.time, np.radians(angles[name]))
-        for name in (LOGGED[axis][2].removeprefix("Des"), *(one for *_, one in LOGGED.values()))
-    )
-    moved = np.array([np.interp(time, at, np.unwrap(one)) for at, one in lines])
-    # a step from the end to the beginning would be in all frequencies
-    angle, *aims = np.fft.rfft(moved - np.linspace(moved[:, 0], moved[:, -1], time.size, axis=1))
-    turned, *missed = strays(ClosedLoop(plant, law, BAND), axis, law.angle)
-    rows = np.fft.rfftfreq(time.size, law.period / (2.0 * np.pi))
-    angle += sum(np.interp(rows, BAND, by) * one for by, one in zip(missed, aims))
-    powers = np.abs([aims[COMMANDS.index(axis)] - angle, *aims]) ** 2 / time.size**2
-    return np.diff([np.interp(_EDGES, rows, np.cumsum(2.0 * one)) for one in powers]) / np.vstack(
-        [np.abs(turned) ** 2, np.ones((3, BAND.size))]
-    )
 
 
 def retuned(

@@ -31,6 +31,7 @@ from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.look.vibration import blackbox_vibration
 from helisim.records.record import IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
+from helisim.study.gusts import whites
 from helisim.study.log_tune import (
     DRAWS,
     AxisTuning,
@@ -38,7 +39,6 @@ from helisim.study.log_tune import (
     LogTuning,
     retuned,
     searched,
-    whites,
     whole_plant,
 )
 
@@ -107,17 +107,14 @@ class Feedback:
         for axis, settings in self.gains.items():
             today = getattr(self.law, axis)
             for name, value in settings.items():
-                by = value - getattr(today, name)
-                if by:
+                if by := value - getattr(today, name):
                     found += by * _slope(self.law, self.period, omega, axis, name)
         return found
 
     def felt(self, frequency: Real) -> Complex:
         """Return cyclic and pedals, 1 being full, over rates, (3, 3, n_freq), at rad/s."""
-        return (
-            self.response(frequency)[[IN1.index(one) for one in _AXES], : len(RATES)]
-            / (np.array([of.CYCLIC_PITCH, of.CYCLIC_PITCH, of.TAIL_PITCH])[:, None, None])
-        )
+        full = np.reshape([of.CYCLIC_PITCH, of.CYCLIC_PITCH, of.TAIL_PITCH], (3, 1, 1))
+        return self.response(frequency)[[IN1.index(one) for one in _AXES], : len(RATES)] / full
 
 
 _linear = lru_cache(maxsize=64)(of.Rotorflight.linear)
@@ -260,7 +257,7 @@ def tune_blackbox(
     remarks, heard = ([*remarks, heard], None) if isinstance(heard, str) else (remarks, heard)
     on_step("models")
     corner = _numbers(first, "acc_lpf_hz", 1)[0] / 100.0 if "acc_lpf_hz" in first.header else 10.0
-    # a Bessel filter, 3 dB down at the corner
+    # a Bessel filter, 3 dB down at the corner, 10 Hz by default
     felt = blocks.second_order("acc", omega=1.2720 * math.tau * corner, zeta=math.sqrt(0.75))
     fits, wrong = _models(
         records, remarks, {"az": felt} if corner else {}, "motor[1]" in first.columns
