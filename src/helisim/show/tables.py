@@ -425,7 +425,10 @@ def vibration(shown: Vibration, crossovers: Mapping[str, float]) -> Table:
 def changes(shown: Sequence[Changed]) -> Table:
     """Return the parameters of an autopilot that change."""
     rows = ((one.name, *numbers((one.before, one.after), ".4g")) for one in shown)
-    notes = {re.sub("_(RLL|PIT|YAW)_", "_*_", one.name): one.why for one in shown}
+    notes = {
+        re.sub("(?<=_)(RLL|PIT|YAW)(?=_)|^(roll|pitch|yaw)(?=_)", "*", one.name): one.why
+        for one in shown
+    }
     return table("New gains", "parameter<|today|new", rows, notes=notes.items())
 
 

@@ -294,7 +294,7 @@ def tune_blackbox(
     better, found = _with(law, period, gains), []
     for axis in axes:
         loops = {"today": ClosedLoop(plant, today).broken(axis)}
-        shown = _seen(stays[axis], loops["today"], remarks)
+        shown = _seen(stays[axis], loops["today"], f"{axis_of(axis).word} today", remarks)
         if axis in wrong:
             shown = {name: _about(figure.value) for name, figure in shown.items()}
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
@@ -306,7 +306,12 @@ def tune_blackbox(
                 plants,
                 ahead=told is not None or len(_numbers(first, f"{_AXES[axis]}PID", 3)) > len("pid"),
             )
-            shown = _seen(tuned[axis], ClosedLoop(plant, better).broken(axis), remarks)
+            shown = _seen(
+                tuned[axis],
+                ClosedLoop(plant, better).broken(axis),
+                f"{axis_of(axis).word} with new gains",
+                remarks,
+            )
             one = retuned(one, plant, today, better, shown, changes, gusts[axis])
         found.append(one)
     return LogTuning(
@@ -419,7 +424,9 @@ def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
             )
 
 
-def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> dict[str, Interval]:
+def _seen(
+    figures: Mapping[str, Interval], loop: Curve, whose: str, remarks: list[str]
+) -> dict[str, Interval]:
     """Return figures; a gain margin beyond the models' band gets no bounds, and a remark."""
     nearest, size = min(
         (turn for turn in margins(loop).gain if turn[0] >= _BAND[0]),
@@ -429,8 +436,8 @@ def _seen(figures: Mapping[str, Interval], loop: Curve, remarks: list[str]) -> d
     if nearest <= _BAND[1]:
         return dict(figures)
     remarks.append(
-        f"a gain margin lies at {nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which "
-        f"flights tell the models: {abs(size):.0f} dB by these alone"
+        f"{whose}: the gain margin is about {abs(size):.0f} dB by the models alone, as it lies at "
+        f"{nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which flights tell them"
     )
     return {**figures, "gain_margin": _about(abs(size))}
 
