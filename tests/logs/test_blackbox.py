@@ -325,9 +325,10 @@ def test_a_log_is_looked_at_and_identified_by_its_own_channels(tmp_path, capsys)
     lag = structures.transfer_function(zeros=0, poles=1, input="lat", output="p")
     found = hs.identify(frf, lag)
     gain, pole = (found.parameters[one] for one in ("b0", "a0"))
-    # p' = 8 mixer - 10 p in deg/s and counts of 0.012 deg; 4 errors, 1 % is of the step of 4 ms
-    assert gain.value == pytest.approx(8.0 / 0.012, abs=4 * gain.standard_error + 7.0)
-    assert pole.value == pytest.approx(10.0, abs=4 * pole.standard_error + 0.1)
+    # p' = 8 mixer - 10 p in deg/s and counts of 0.012 deg, as steps of 4 ms have them
+    exact = -250.0 * np.log(1.0 - 10.0 / 250.0)
+    assert gain.value == pytest.approx(0.8 * exact / 0.012, abs=3 * gain.standard_error)
+    assert pole.value == pytest.approx(exact, abs=3 * pole.standard_error)
 
 
 @tabled("replaced", "by", "message")

@@ -5,9 +5,12 @@ With A = (J^T J)^-1 J^T of residuals r with covariance S (`scatter`; unknown: in
 parameters' covariance is A S A^T; a known one's error dk adds -A J_k dk, and a gap g between the
 response and another estimate of it A g, the difference of the two fits. What the structure leaves
 out is one more random error of the response, correlated by `alike` (K; Kennedy and O'Hagan, J.
-Royal Statistical Society B 63, 2001), and adds s^2 A K A^T: s^2 explains the residuals beyond S,
-(r^T r - tr P S P) / tr P K P with P = 1 - J A, and is at least the square of what no point is
-trusted beyond.
+Royal Statistical Society B 63, 2001), and adds s^2 A K A^T. Of s the residuals' power tells:
+r^T r is tr C times a chi-square variable over its degrees of freedom, tr(C)^2 / tr(C^2) (F. E.
+Satterthwaite, Biometrics 2, 1946), with C = P (S + s^2 K) P and P = 1 - J A. s^2 is its expected
+value by that and by a half Cauchy beforehand (A. Gelman, Bayesian Analysis 1, 2006) whose median is
+`FLOOR`, what base models leave: no more than residuals can hide where they are small, what explains
+them where they are large, and about the median where they tell nothing.
 """
 
 import math
@@ -21,6 +24,7 @@ from helisim.base.arrays import Real
 from helisim.ident.cost import FLOOR, Cost
 from helisim.ident.scatter import alike
 
+_SIZES = (1e-4, 1e5, 600)  # of s over its median: first, last and number that are tried
 _NULL = 1e-13  # least eigenvalue of the scaled Hessian for a direction to be seen
 _FAINT = 1e-6  # dB: a parameter that moves all residuals by less is not seen
 _FARTHEST = 1e9  # largest value, in its orders of magnitude, for a parameter to be seen
@@ -81,10 +85,11 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     freedom = max(residual.size - x.size, 1)
     covariance = 2.0 * float(residual @ residual) / freedom * inverse
     structural, noise, ratio, omitted = np.zeros_like(covariance), None, None, ()
-    if scatter is not None and (spread := _spread(scatter, left, minimised, scale, gain)):
-        covariance, noise, ratio = spread
-        structural = _structural(cost, left, noise, minimised, scale, gain)
-        covariance = covariance + structural
+    if scatter is not None and np.trace(expected := _left(scatter, minimised, gain)) > 0.0:
+        noise = np.diagonal(expected) / np.maximum(scale**2, 1e-300)
+        ratio = float(left @ left / np.trace(expected))
+        structural = _structural(cost, left, expected, minimised, scale, gain)
+        covariance = gain @ scatter @ gain.T + structural
         # each an error of its own: together they could cancel
         moved = gain @ (scale * np.hstack([cost.points.gap.real, cost.points.gap.imag])).T
         covariance = covariance + moved @ moved.T
@@ -125,31 +130,28 @@ def _scatter(cost: Cost, scale: Real) -> Real | None:
     return 0.5 * np.block([[real, -imag], [imag, real]]) * np.outer(scale, scale)
 
 
-def _spread(
-    covariance: Real, residual: Real, jacobian: Real, scale: Real, gain: Real
-) -> tuple[Real, Real, float] | None:
-    taken = gain @ covariance
-    left = covariance - jacobian @ taken
-    # of (1 - J A) S (1 - J A)^T, as the projection is symmetric and idempotent
-    noise = np.diagonal(left) - np.einsum("ij,ij->i", left @ gain.T, jacobian)
-    expected = float(np.sum(noise))
-    if expected <= 0.0:
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        plain = np.where(scale > 0.0, noise / scale**2, 0.0)
-    return taken @ gain.T, plain, float(residual @ residual) / expected
+def _left(covariance: Real, jacobian: Real, gain: Real) -> Real:
+    """Return P S P, what a fit leaves of a covariance, (n_residual, n_residual)."""
+    half = covariance - jacobian @ (gain @ covariance)
+    return half - (half @ gain.T) @ jacobian.T
 
 
 def _structural(
     cost: Cost, residual: Real, noise: Real, jacobian: Real, scale: Real, gain: Real
 ) -> Real:
-    """Return the covariance, (n_free, n_free), by what the structure leaves out."""
-    same = np.kron(np.eye(2), alike(cost.points.frequency, cost.points.pair))
-    same *= np.outer(scale, scale)
-    taken = gain @ same
-    own = float(np.trace(same) - np.sum(taken * jacobian.T))
-    unexplained = float(residual @ residual - np.sum(noise * scale**2))
-    return max(FLOOR**2, unexplained / own if own > 0.0 else 0.0) * taken @ gain.T
+    """Return the covariance, (n_free, n_free), by what the structure leaves out.
+
+    `noise` is the residuals' covariance without it, (n_residual, n_residual).
+    """
+    both = np.kron(np.eye(2), alike(cost.points.frequency, cost.points.pair))
+    same = np.asarray(both * np.outer(scale, scale), np.float64)
+    own, square = _left(same, jacobian, gain), (FLOOR * np.geomspace(*_SIZES)) ** 2
+    power, chance, share = float(residual @ residual), np.trace(noise), max(np.trace(own), 1e-300)
+    shown = noise + max(power - chance, 0.0) / share * own  # C that explains the power
+    freedom, mean = np.trace(shown) ** 2 / np.sum(shown**2), chance + square * share
+    likelihood = -0.5 * freedom * (np.log(mean) + power / mean)
+    likely = np.exp(likelihood - np.max(likelihood)) * np.sqrt(square) / (1.0 + square / FLOOR**2)
+    return float(np.average(square, weights=likely)) * gain @ same @ gain.T
 
 
 def _omitted_lags(

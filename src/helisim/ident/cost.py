@@ -30,7 +30,7 @@ _HOPELESS = 1e3  # residual of an undefined model: worse than that of any other
 # Relative error (rms of its real or imaginary part) below which no point is trusted, however quiet
 # the record: windows smear responses of lightly damped modes by 0.05 to 0.3 %, and the base models
 # with true parameters are 0.1 to 0.7 % rms from the JR700's exact responses, to 1 % from the
-# Blade 360's
+# Blade 360's. So it is the median of what a structure leaves out, before residuals tell of it, too
 FLOOR = 0.005
 
 Band = tuple[float, float]
