@@ -102,14 +102,8 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
             steps.append(pilot.time)
             yield step
 
-    flight = fly_script(
-        script,
-        Still(),
-        fake(tmp_path, rest),
-        "",
-        log=kept,
-        on_frame=lambda frame, sensed: seen.append(sensed.time),
-    )
+    program, see = fake(tmp_path, rest), {"on_frame": lambda _, sensed: seen.append(sensed.time)}
+    flight = fly_script(script, Still(), program, "", log=kept, **see)
     assert kept.read_bytes() == log.data
     assert flight.lost == 7
     assert np.diff(steps)[1:] == pytest.approx(0.01)  # the first is at the first frame, 5 ms
@@ -120,15 +114,14 @@ def test_a_script_flies_until_its_log_is_whole(tmp_path):
     assert np.diff(heard)[1:] == pytest.approx(10.0)
     given = parm_file(tmp_path / "told.parm")  # the sticks' pulses mean what the pilot sends
     ends = {"MIN": 1000, "MAX": 2000, "TRIM": 1500, "DZ": 0, "REVERSED": 0}
-    assert (
-        given.items() >= {f"RC{k}_{n}": one for k in range(1, 9) for n, one in ends.items()}.items()
-    )
+    wanted = {f"RC{k}_{n}": one for k in range(1, 9) for n, one in ends.items()}
+    assert given.items() >= wanted.items()
     with pytest.raises(AutopilotError, match=r"ended from outside at 0\.0 s"):
-        fly_script(script, Still(), fake(tmp_path, rest), "", on_frame=lambda *_: True)
+        fly_script(script, Still(), program, "", on_frame=lambda *_: True)
     struck = Still()
     struck.crashed = "a wall"
     with pytest.raises(AutopilotError, match=r"crashed at 0\.0 s: a wall"):
-        fly_script(script, struck, fake(tmp_path, rest), "")
+        fly_script(script, struck, program, "")
 
 
 @tabled("does", "dies", "status", "said", "frames")
@@ -320,17 +313,23 @@ def test_margins_are_predicted_of_the_helicopter_that_flies(study):
     assert (cut.least_gain, np.degrees(cut.least_phase)) == pytest.approx((12.06, 50.4), 0.02)
 
 
-def test_ardupilots_own_helicopter_turns_as_its_source_states(study):
+def test_ardupilots_own_helicopter_moves_as_its_source_states(study):
     """Yaw: 21.6 x 2.96 over s + 2.96, 80 % of the servo's way; 50 ms, and a tick, held for another.
 
-    Roll above the rotor's modes: 3588.6 / 0.068232 x 1.7635 of the cyclic over s squared.
+    Roll above the rotor's modes: 3588.6 / 0.068232 x 1.7635 of the cyclic over s squared. Heave has
+    2.25 1/s. Its sensors' body is pulled to it by 1 over 0.1 s, and turns, or pulls, a frame early.
     """
     plant, frequency = study.ardupilots_helicopter({}), np.array([2.0, 20.0, 300.0])
     found = plant.response(frequency)
-    s = 1j * frequency
+    s, early = 1j * frequency, 833e-6 / 0.1
     yaw = 21.6 * 2.96 * 0.8 / (s + 2.96) * np.exp(-s * (0.05 + 0.0025 + 0.00125))
     # half a frame early by Euler's method, and the gyro's age
     assert found[2, 2, :2] == pytest.approx(yaw[:2], rel=0.02)
+    felt = 1.0 + early * s / (s + 10.0)
+    assert abs(found[2, 2, :2]) == pytest.approx(abs(yaw * felt)[:2], rel=2e-3)
+    heave, stated = s / (s + 2.25), study.stated(study.SOURCES["heli"], {}, 0.5)["Z_col"]
+    felt = 1.0 + early * s * (s + 10.0) / (s**2 + 10.0 * s + 100.0)
+    assert abs(found[6, 3, :2]) == pytest.approx(abs(stated * heave * felt)[:2], rel=2e-3)
     cyclic = 1.283 * 0.9 * 3**0.5 / 2.0 / 7.2
     high = 3588.6 * 1.7635 * cyclic / 0.068232 / s[2] ** 2
     assert abs(found[0, 0, 2]) == pytest.approx(abs(high), rel=0.05)  # 3588.6 / 300^2
