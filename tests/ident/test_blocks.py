@@ -10,19 +10,12 @@ from test_ardupilot import FULL as AS_IT_IS
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli import main
-from helisim.ident import (
-    Fit,
-    Structure,
-    blocks,
-    frequency_response,
-    identify,
-    in_series,
-    structures,
-)
+from helisim.ident import Structure, blocks, frequency_response, identify, in_series, structures
 from helisim.ident.ardupilot import ArduPilotModel, numbers_of
 from helisim.ident.conditions import Conditions
 from helisim.ident.evaluate import response
 from helisim.ident.feedback import answered
+from helisim.ident.result import Fit
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record

@@ -14,19 +14,10 @@ from scipy.signal import lfilter
 from scipy.stats import f as fisher
 
 from helisim.base.errors import IdentificationError
-from helisim.ident import (
-    Parameter,
-    Residual,
-    Structure,
-    in_series,
-    local,
-    local_fit,
-    rational,
-    structures,
-)
+from helisim.ident import Parameter, Structure, in_series, local, local_fit, rational, structures
 from helisim.ident.blocks import second_order
 from helisim.ident.cost import Cost, select
-from helisim.ident.diagnosis import degenerate, doubt, shape
+from helisim.ident.diagnosis import Residual, degenerate, doubt, shape
 from helisim.ident.evaluate import response
 from helisim.ident.local import WIDTHS, Bands, Local, Task, choose, smoothed
 from helisim.ident.local_fit import Lines, fit_band

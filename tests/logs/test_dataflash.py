@@ -328,6 +328,19 @@ def test_logs_that_are_joined_follow_each_other(tmp_path):
     assert not read.damage
 
 
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize(("at", "value"), [(3, 2), (10, ord("B")), (26, 0xE9)])
+def test_a_hit_format_of_joined_logs_costs_nothing(tmp_path, at, value, first):
+    """Its number, which is another type's then, a letter or a name: the other log has it whole."""
+    parts = [bytearray(counting(count).data) for count in (300, 400)]
+    hit = parts[not first]
+    hit[hit.index(bytes((0xA3, 0x95, 128, 1))) + at] = value
+    read = DataFlash(saved(tmp_path, b"junk" + parts[0] + parts[1]))
+    assert [*read.joints.values()] == ["", ""]
+    assert read.table("ONE")["N"].tolist() == [*range(300), *range(400)]
+    assert read.table("TWO")["N"].tolist() == [*range(0, 300, 3), *range(0, 400, 3)]
+
+
 def test_a_logger_that_drops_messages(tmp_path):
     log, random = Log(), np.random.default_rng(3)
     log.define(1, "ONE", "Qf", "TimeUS,X", units="sk", multipliers="F0")

@@ -11,10 +11,11 @@ import math
 import re
 import struct
 from bisect import bisect_right
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from operator import ne
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,6 +52,8 @@ _BLOCK = 16  # messages on either side of a clock's reset, whose medians go back
 _NAMED = 3  # types of messages that a sentence names
 _FEW = 9  # messages that tell a reset from a wrong stamp, and when a log began and ended
 _APART = 600.0  # s that a message may be before or after all types of more than a few
+_HIT = 3  # bytes of a format, and formats, that damage may change; another firmware's are more
+_FEWER = "the autopilot's logger dropped {} messages: log fewer (LOG_BITMASK)"
 _REST = 10.0  # s from one to the next of logs that are joined
 _WILD = 1e6  # magnitude, and medians and one more, that no number of a flight has
 _ROUNDS = 20  # searches for spikes at most, each without those found before
@@ -73,7 +76,10 @@ def is_dataflash(path: str | PathLike[str]) -> bool:
     """Return whether a file is a DataFlash log, damaged, whole or as text. Raises StorageError."""
     start = first_bytes(path, _SNIFFED)
     return not start.startswith(ULOG_MAGIC) and (
-        start.startswith(_MARKS) or _FMT_START in start or bool(_TEXT_START.search(start))
+        start.startswith(_MARKS)
+        or _FMT_START in start
+        or start.count(_FMT_START[:_HEADER]) >= _FEW
+        or bool(_TEXT_START.search(start))
     )
 
 
@@ -134,9 +140,10 @@ def _some(texts: Sequence[str]) -> str:
 def _scan(
     read: Callable[[], NDArray[np.uint8]],
 ) -> tuple[list[tuple[_Layout, _Places]], int]:
-    """Return each type's first layout, and where its messages begin: those that another follows.
+    """Return each type's layout, and where its messages begin: those that another follows.
 
-    Also how many types have messages and no layout: FMT comes once, and damage may hit it.
+    A whole layout of the first of joined logs goes first, then the one that most messages have, as
+    damage may hit its number. Also how many types have messages and no layout: FMT comes once.
     `read` maps the log anew each time, so that no more than a window of it is in memory.
     """
     size = read().size
@@ -152,13 +159,20 @@ def _scan(
     numbers = np.concatenate(ids)
     del marks, ids
     data, begins = read(), np.append(places, kind(size))
-    fmts, layouts = places[numbers == _FMT_NUMBER], dict[int, _Layout]()
+    fmts, stated, log = places[numbers == _FMT_NUMBER], defaultdict[int, list](list), 0
     fmts = fmts[fmts <= size - _FMT.size]
     for place, followed in zip(fmts.tolist(), _holds(begins, fmts + kind(_FMT.size))):
         found = _layout(data[place : place + _FMT.size].tobytes())
         right = found and (found.number != _FMT_NUMBER or found.length == _FMT.size)
         if found and right and (followed or not found.lost):
-            layouts.setdefault(found.number, found)
+            log += found.number == _FMT_NUMBER
+            stated[found.number].append((not found.lost, -log, found))
+
+    def rank(one: tuple[bool, int, _Layout]) -> tuple[Any, ...]:
+        mine = places[numbers == one[2].number]
+        return (*one[:2], np.count_nonzero(_holds(begins, mine + kind(one[2].length))))
+
+    layouts = {n: (max(some, key=rank) if some[1:] else some[0])[2] for n, some in stated.items()}
     # PX4 writes none of FMT itself
     layouts.setdefault(_FMT_NUMBER, _Layout(_FMT_NUMBER, "FMT", _FMT.size, {}, ""))
     lengths = np.zeros(256, kind)
@@ -173,7 +187,7 @@ def _scan(
     counts = np.bincount(numbers[alone][after], minlength=256)
     formless = int(np.sum(counts > _FEW * (1.0 + np.median(counts[lengths == 0]))))
     places, numbers = places[kept], numbers[kept]
-    del begins, ends, kept
+    begins = ends = kept = np.zeros(0, kind)  # let go of
     return [(one, places[numbers == number]) for number, one in layouts.items()], formless
 
 
@@ -416,8 +430,10 @@ class DataFlash:
 
     @property
     def named(self) -> str:
-        """Its path and what can't be read, ahead of a refusal."""
-        return f"{self.path}: {self.damage and f'{self.damage}; '}"
+        """Its path and most of what can't be read, ahead of a refusal."""
+        return f"{self.path}: " + "".join(
+            f"{one}; " for one in (*self.damage.split("; ")[:2], "copy it anew") if self.damage
+        )
 
     def parameters(self, at: float | None = None) -> dict[str, float]:
         """Return the parameters at an instant, s since power-on; by default the last ones.
@@ -479,15 +495,26 @@ class DataFlash:
         fmts = self._types["FMT"][1] if "FMT" in self else np.zeros(0, np.int64)
         data, first = self._bytes(), min(int(places[0]) for _, places in self._types.values())
         begins = fmts[(data[fmts + _HEADER] == _FMT_NUMBER) & (fmts > first)].tolist()
-        joints, forms, seen = {first: ""}, dict[int, bytes](), set[int]()
+        joints, forms, seen = {first: ""}, dict[int, bytes](), dict[int, int]()
+        most = _HIT * (self.skipped > 0)
         for start, stop in pairwise([first, *begins, self.size] if begins else ()):
-            mine = fmts[(fmts >= start) & (fmts < stop)].tolist()
-            texts = [data[at : at + _FMT.size].tobytes() for at in mine]
-            other = [one for one in texts if forms.setdefault(one[_HEADER], one) != one]
-            joints[start] = f"its {_text(other[0][5:9])} has other fields" if other else ""
-            whole = hash(data[start:stop].tobytes())
-            joints[start] = "the same as one before" if whole in seen else joints[start]
-            seen.add(whole)
+            texts = [
+                data[at : at + _FMT.size].tobytes() for at in fmts[(fmts >= start) & (fmts < stop)]
+            ]
+            count = Counter(text[_HEADER] for text in set(texts))  # a number twice is a wrong one
+            other = [
+                _text(one[5:9])
+                for one in texts
+                if count[one[_HEADER]] == 1 and (found := _layout(one)) and not found.lost
+                if sum(map(ne, one, forms.setdefault(one[_HEADER], one))) > most
+            ]
+            joints[start] = (
+                "the same as one before"
+                if seen.setdefault(hash(data[start:stop].tobytes()), start) != start
+                else f"its {other[0]} has other fields"
+                if other[most:]
+                else ""
+            )
         return joints
 
     def _put_in_order(self) -> None:
@@ -498,8 +525,9 @@ class DataFlash:
         for start, stop in pairwise([*self.joints, self.size]):
             part = dict[str, tuple[_Places, _Times]]()
             for name, (_, places) in self._types.items():
-                mine = slice(*np.searchsorted(places, (start, stop)))
-                mine = slice(0, 0) if self.joints[start] else mine
+                mine = slice(
+                    *np.searchsorted(places, (start, start if self.joints[start] else stop))
+                )
                 back = np.any(np.diff(raw[name][mine]) < 0.0)
                 part[name] = places[mine], raw[name][mine]
                 if back:  # else nothing is copied: a log has millions of messages
@@ -509,8 +537,8 @@ class DataFlash:
                     part[name] = places[mine][kept], raw[name][mine][kept]
             long = [time[time == time] for _, time in part.values()]
             long = [time for time in long if time.size >= _FEW]
-            first = min((float(np.median(time[:3])) for time in long), default=-np.inf)
-            last = max((float(np.median(time[-3:])) for time in long), default=np.inf)
+            first = min((float(np.median(time[:_FEW])) for time in long), default=-np.inf)
+            last = max((float(np.median(time[-_FEW:])) for time in long), default=np.inf)
             later = max(end + _REST - first, 0.0) if long else 0.0
             end = last + later
             for name, (places, time) in part.items():
@@ -590,11 +618,11 @@ class DataFlash:
     def _findings(self) -> list[LogFinding]:
         lost = [layout.lost for layout, _ in self._types.values() if layout.lost]
         dropped = max((int(count) for _, count in self._rows("DSF", Dp=False)), default=0)
-        fewer = f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK)"
-        cut_off = f"its last {self.cut_off} of {self.size} bytes are no whole message"
-        corrupt = self.damage or cut_off * (self.skipped > 0)
+        corrupt = self.damage or (
+            f"its last {self.cut_off} of {self.size} bytes are no whole message"
+            * (self.skipped > 0)
+        )
         logs = [f"byte {at}{why and f' ({why}: left out)'}" for at, why in self.joints.items()]
-        kind = "corruption" if self.damage else "cut off"
         joined = (
             f"{self.path}: {len(logs)} logs are joined, one after the other, from {', '.join(logs)}"
         )
@@ -606,10 +634,18 @@ class DataFlash:
             "a tick: of those the last is taken"
         )
         return [
-            *([LogFinding(kind, f"{self.path}: {corrupt}")] if corrupt else ()),
+            *(
+                [LogFinding("corruption" if self.damage else "cut off", f"{self.path}: {corrupt}")]
+                if corrupt
+                else ()
+            ),
             *([LogFinding("joined", joined)] if len(self.joints) > 1 else ()),
             *(LogFinding("format", text) for text in lost if not self.damaged),
-            *([LogFinding("dropped", fewer, count=dropped)] if dropped else ()),
+            *(
+                [LogFinding("dropped", _FEWER.format(dropped), count=dropped)]
+                if dropped and not self.damaged
+                else ()
+            ),
             *([LogFinding("autotune", tested)] if own else ()),
         ]
 

@@ -165,8 +165,10 @@ def sweeps(
     if not log.has("SIDD", *_FIELDS):
         flown = log.has("MODE", "Mode") and np.any(log.table("MODE")["Mode"] == _MODE)
         said = "the mode SystemID was flown, but no SIDS and SIDD messages are in the log"
-        if log.damage:
-            raise LogError(f"{log.named}no SIDD messages are in what can be read")
+        if log.damage or "SIDD" in log:
+            raise LogError(
+                f"{log.named}no SIDD messages with {', '.join(_FIELDS)} are in what can be read"
+            )
         raise LogError(
             f"{log.path}: {said if flown else 'no SystemID messages (SIDS, SIDD) in the log'}; "
             "fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, or "

@@ -302,7 +302,7 @@ def _peaks(
 
 def _sources(log: DataFlash) -> Iterator[_Gyros]:
     """Yield what a log has of its gyros in flight, best first."""
-    own, events = log.parameters(), log.table("EV") if "EV" in log else None
+    own, events = log.parameters(), log.table("EV") if log.has("EV", "Id") else None
     lifted, landed = (
         [] if events is None else events.time[np.asarray(events["Id"]) == one] for one in _EVENTS
     )
@@ -318,7 +318,7 @@ def _sources(log: DataFlash) -> Iterator[_Gyros]:
         yield _Gyros(
             "ISBD", float(max(rate, default=0.0)), parts, _is_set(own, ("INS_LOG_BAT_OPT", 2))
         )
-    for name in (one for one in _MESSAGES if one in log):
+    for name in (one for one in _MESSAGES if log.has(one, *_MESSAGES[one][0])):
         fields, factor, behind = _MESSAGES[name]
         table = log.table(name, log.instances(name)[0])
         here = (table.time > start) & (table.time < stop)
