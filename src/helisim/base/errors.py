@@ -32,7 +32,7 @@ def single_line(text: str) -> str:
 Item = TypeVar("Item")
 
 _LONGEST = 500  # characters of a message; of logs' errors, of a line
-_MOST_LISTED = 30  # Most names in a message; of more, only similar ones and their number
+_MOST_LISTED = 40  # Most names in a message; of more, only similar ones and their number
 # _LONGEST_LIST: characters of the names in a message
 # _ALIKE: least likeness of a suggested name; difflib's default
 _LONGEST_LIST, _ALIKE = 300, 0.6

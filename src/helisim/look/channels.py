@@ -96,7 +96,10 @@ _PATTERNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("actuator controls {}", "0 1 2 3", _INPUTS),
     ("rate {}", "0 1 2", RATES),
     ("attitude {}", "0 1 2", ATTITUDES),
-    *((f"{word} {{}}", "lat lon ped col", _INPUTS) for word in ("delta", "cyclic", "cmd", "input")),
+    *(
+        (f"{word} {{}}", "lat lon ped col", _INPUTS)
+        for word in ("delta", "cyclic", "cmd", "input", "servo")
+    ),
     ("delta {}", "a e r t", _INPUTS),
     *((pattern, _TURNS, RATES) for pattern in ("{} rate", "{}rate", "{}speed")),
     *(
@@ -169,7 +172,15 @@ _ENDINGS = {
     "deg": "deg", "rad": "rad", "pct": "percent", "percent": "percent", "pwm": "us", "us": "us",
     "m s": "m/s", "mps": "m/s", "ms2": "m/s^2", "m s2": "m/s^2", "mss": "m/s^2", "ft s": "ft/s",
     "fps": "ft/s", "kt": "kt", "kts": "kt", "g": "g", "m": "m", "ft": "ft", "cm": "cm",
+    "fpm": "ft/min", "ft min": "ft/min", "kmh": "km/h", "km h": "km/h", "kph": "km/h",
+    "mph": "mph", "cm s": "cm/s", "mm s": "mm/s", "rpm": "rpm", "mm": "mm", "mg": "mg",
+    "cdeg": "cdeg", "mdeg": "mdeg", "mrad": "mrad", "cdeg s": "cdeg/s", "cdps": "cdeg/s",
+    "mdeg s": "mdeg/s", "mdps": "mdeg/s", "mrad s": "mrad/s",
 }  # fmt: skip
+# A heading's end that says another unit than known ones: what moves so is not guessed to be in SI
+_FOREIGN = re.compile(
+    r"[\[(].*/.*[\])]$|[^a-z](adc|bits?|counts?|hz|lsb|raw|ticks?)[\])]?$", re.IGNORECASE
+)
 
 
 def named(heading: str, log_format: str) -> Named | None:
@@ -197,9 +208,8 @@ def named(heading: str, log_format: str) -> Named | None:
     )
     own = " ".join(word for word in words.split() if word in rest)
     channel, sign, rank = (own, 1, 1) if own in _OWN else next(meant, ("", 1, 0))
-    if have & _PILOT:
-        sticks = dict(zip((*ATTITUDES, *_INPUTS), (*_STICKS[:3], *_STICKS)))
-        channel = sticks.get(channel, channel)
+    sticks = dict(zip((*ATTITUDES, *_INPUTS), (*_STICKS[:3], *_STICKS)))
+    channel = sticks.get(channel, channel) if have & _PILOT else channel
     return Named(channel, implied, sign, rank, f"named {bare!r}") if channel else None
 
 
@@ -312,7 +322,11 @@ def guess(
             known = _known(source, heading)
         except HelisimError:
             continue
-        if known.size > 1 and not _geographic(heading, known):
+        if (
+            known.size > 1
+            and not _geographic(heading, known)
+            and (meant.unit or meant.channel in CONTROLS or not _FOREIGN.search(heading))
+        ):
             stated = source.stated_unit(heading)
             column, why = _in_unit(stated and unit(stated).name, heading, meant, known)
             found = SeenChannel.of(meant.channel, column, why, clock, known)

@@ -451,8 +451,11 @@ def _inferred(
     mine = within(every, start, stop)
     if not mine:
         spans = ", ".join(f"{one.start:.1f} to {one.stop:.1f}" for one in every)
-        text = f"{path}: no sweep lies within the limits; they are from {spans} s after the log's"
-        raise LogError(f"{text} first sample", remedy="from,to")
+        raise LogError(
+            f"{path}: no sweep lies within the limits; they are from {spans} s after the log's "
+            "first sample",
+            remedy="from,to",
+        )
     spans = [(one.start + log.begins, one.stop + log.begins) for one in mine]
     own = not parameters or any(name.startswith("H_RSC_") for name in parameters)
     frame = parameters.get("FRAME_CLASS", float(own) * _HELICOPTER)
