@@ -63,7 +63,7 @@ _BESIDE = 1.3  # by which a band may go beyond what was excited
 _FEEDBACK, _EXPLAINS, _FAINT = 0.5, 0.3, 0.01
 _OWN = 0.05  # share of a control's power not explained by its stick
 _OF_OTHERS = {**dict.fromkeys(ATTITUDES, (0, 2)), **dict.fromkeys(ACCELERATIONS, (1, 1))}
-_ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
+ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class FoundExcitation:
     amplitude: float
 
     def __str__(self) -> str:
-        size = f"{self.amplitude:.3g} {CHANNELS[self.channel].unit}".removesuffix(" 1")
         return (
             f"{self.kind} on {self.channel} from {self.start:.4g} to {self.stop:.4g} s, "
-            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}"
-        )
+            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {self.amplitude:.3g} "
+            f"{CHANNELS[self.channel].unit}"
+        ).removesuffix(" 1")
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def answers(
     found = [
         answer
         for one in excited
-        for output in _ANSWERS
+        for output in ANSWERS
         if output in record
         for answer in _answer(record.slice(one.start, one.stop), one, output, rates)
     ]

@@ -21,6 +21,7 @@ from helisim.logs.report import OURS, LogFinding
 from helisim.logs.timing import Options
 from helisim.look.channels import AS_RECORDED, CONTROLS, EXACT, GIVEN, SeenChannel
 from helisim.look.excitation import (
+    ANSWERS,
     SAMPLES_A_PERIOD,
     WINDOWS,
     FoundExcitation,
@@ -115,8 +116,8 @@ def look(
         raise InputError("no logs were given; expected at least one file")
     options = Options(resample_hz, repair, max_gap, 0.0, start, stop)
     map_ = Map.of(channels, time)
-    found = [opened(Path(path), map_, options) for path in paths]
-    return _concluded([*map(_looked, _agreed(found, map_, options))], map_, options)
+    found = _agreed([opened(Path(path), map_, options) for path in paths], map_, options)
+    return _concluded([*map(_looked, found)], map_, options)
 
 
 def _agreed(logs: Sequence[LogLook], map_: Map, options: Options) -> Iterator[LogLook]:
@@ -143,7 +144,9 @@ def _agreed(logs: Sequence[LogLook], map_: Map, options: Options) -> Iterator[Lo
 def _looked(log: LogLook) -> LogLook:
     swept = own_sweeps(Path(log.path)) if log.records else ()
     if swept or not log.records:
-        of_use = any(not one.unused for one in swept) or not (swept or log.channels)
+        of_use = any(not one.unused for one in swept) or not (
+            swept or (log.channels and not any(one.moves for one in log.channels))
+        )  # nor is what moves and can't be read to be flown anew
         return replace(
             log, sweeps=swept, findings=(*log.findings, *(() if of_use else (_instead(log, ()),)))
         )
@@ -173,20 +176,35 @@ def _looked(log: LogLook) -> LogLook:
     found = tuple(one for one in found if one.input not in closed)
     said += loops(record, found, rates)
     if not found:
-        said = [
-            LogFinding(
-                "missing",
+        mute = excited and not {*ANSWERS} & {*record.names}
+        why, remedy = (
+            (
                 f"{' and '.join(closed)} moved as a controller's command does, and no vehicle "
-                "answers it: sweep, or fly by the sticks"
-                if closed
-                else "nothing answers coherently: sweep longer, larger, or in calmer air"
-                if excited
-                else "no control moves, or no column looks like one: say which of those not used "
-                "is",
-                (Option("channel", "lat=COLUMN:percent"),) * (not closed),
-            ),
+                "answers it: sweep, or fly by the sticks",
+                "",
+            )
+            if closed
+            else (
+                "no column looks like a rate, an attitude, a velocity or an acceleration: say "
+                "which of those not used is",
+                "p=COLUMN:rad/s",
+            )
+            if mute
+            else ("nothing answers coherently: sweep longer, larger, or in calmer air", "")
+            if excited
+            else (
+                "no control moves, or no column looks like one: say which of those not used is",
+                "lat=COLUMN:percent",
+            )
+        )
+        said = [
+            LogFinding("missing", why, (Option("channel", remedy),) * bool(remedy)),
             *said,
-            *([_instead(log, excited)] if {one.name for one in log.channels} & {*CONTROLS} else []),
+            *(
+                [_instead(log, excited)]
+                if not mute and {one.name for one in log.channels} & {*CONTROLS}
+                else []
+            ),
         ]
     return replace(log, excitations=excited, answers=found, findings=tuple(said))
 
