@@ -191,8 +191,9 @@ class Map:
             channels = (channels,)
         if not isinstance(channels, Map):
             named = channels if isinstance(channels, Mapping) else {k: k for k in channels or ()}
-            given = named.items()
-            channels = Map({k: Column(one) if isinstance(one, str) else one for k, one in given})
+            channels = Map(
+                {k: Column(one) if isinstance(one, str) else one for k, one in named.items()}
+            )
         if time is None:
             return channels
         return replace(channels, time=Clock.of(time) if isinstance(time, str) else time)

@@ -352,8 +352,10 @@ class ArrayLog(TimeTable):
         if count < 2 or ((names or bare) and len(names) != len(kept)):
             raise StorageError(
                 f"{path}: {len(kept)} columns of {count} numbers, and {len(names)} names; give the "
-                "name of each column",
-                remedy=Option("names", "A,B,..."),
+                "name of each column"
+                if columns
+                else f"{path}: no array of numbers is in it",
+                remedy=(Option("names", "A,B,..."),) * bool(columns),
             )
         self._columns, self._count = dict(zip(names or map(shown, kept), kept.values())), count
         # of a structure, once
