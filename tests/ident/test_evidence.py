@@ -172,5 +172,5 @@ def noise(*shape, seed=0):
 
 
 @tabled("made", "wanted")
-def test_cells_and_what_they_tell_by_chance(made, wanted):
+def test_parts_and_what_they_tell(made, wanted):
     assert made() == wanted

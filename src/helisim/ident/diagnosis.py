@@ -297,15 +297,16 @@ def implausible(
     structure: Structure,
     values: Mapping[str, tuple[float, float]],
     poles: Iterable[complex],
+    band: tuple[float, float],
     line: float,
     full: Mapping[str, float],
     opposed: bool,
 ) -> Iterator[Note]:
     """Yield what no vehicle has: `values` are parameters with standard errors.
 
-    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; `full` has full
-    travel of commands, where it is known; `opposed` is whether the response looks like a
-    controller's inverse, and no reference says what moved it.
+    `line` is the spacing of the longest record's lines, rad/s; 0 if it is unknown; no pole beyond
+    the `band` is smeared by it. `full` has full travel of commands, where it is known; `opposed` is
+    whether the response looks like a controller's inverse, and no reference says what moved it.
     """
     # where nothing tells full travel, it is half of the stick's, as helisim's own is
     travel = max(full.get(name, 0.5) for name in structure.inputs)
@@ -331,7 +332,11 @@ def implausible(
                 f"{one.name} is {value:.3g} rad per unit of stick, and blades flap by a fraction "
                 "of that; look at the units of the rates and of the input",
             )
-    narrow = [pole for pole in poles if 0.0 < -2.0 * pole.real < line and pole.imag > line]
+    narrow = [
+        pole
+        for pole in poles
+        if 0.0 < -2.0 * pole.real < line and max(line, band[0] - line) < pole.imag < band[1] + line
+    ]
     if narrow:
         yield Note(
             "mode",

@@ -57,8 +57,9 @@ _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of 
 # 2, a sweep up to three values a period has 1
 _JUMPS = 1.0
 # Share of samples that may lie on straight lines; so many in a row, in all channels, were filled;
-# of the mean bend, what more than rounding bends
-_FILLED, _STRAIGHT, _BENDS = 0.005, 3, 0.1
+# of a column's smallest steps, what such lines go by; of the mean
+# bend, what more than rounding bends
+_FILLED, _STRAIGHT, _DIGITS, _BENDS = 0.005, 3, 10.0, 0.1
 _PAIRS = tuple(
     (pair, axes) for pair, axes in ((("p", "q"), (cyclic[2], cyclic[1])) for cyclic in (IN1, IN2))
 )
@@ -509,10 +510,12 @@ def _filled(flights: Sequence[FlightRecord], names: Sequence[str], top: float) -
         values = one.select(names)
         size = np.maximum(np.ptp(values, axis=0), 1e-300)
         bend, steps = np.abs(np.diff(values, 2, axis=0)), np.abs(np.diff(values, axis=0)[1:])
-        straight = np.all(bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size), axis=1)
+        # by more than rounding's steps: whole counts lie on lines, too
+        least = _DIGITS * np.min(steps, axis=0, where=steps > 1e-9 * size, initial=np.inf)
+        lines = bend <= np.minimum(1e-9 * size, 1e-3 * steps + 1e-12 * size)
         lost += sum(
             int(last - first)
-            for first, last in stretches(straight & np.any(steps > 1e-9 * size, axis=1))
+            for first, last in stretches(np.all(lines, axis=1) & np.any(steps > least, axis=1))
             if last - first >= _STRAIGHT
         )
     if lost > _FILLED * total:

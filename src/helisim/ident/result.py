@@ -199,6 +199,7 @@ class Fit(Checked, Value, Displayed):
                 self.structure,
                 {name: (one.value, one.standard_error) for name, one in self.parameters.items()},
                 poles,
+                self.band,
                 self.data.line,
                 self.data.conditions.full,
                 not self.data.reference
