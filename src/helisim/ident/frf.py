@@ -327,7 +327,9 @@ def _check_names(
     if not inputs or not outputs:
         raise InputError("expected at least one input and one output")
     names = (*inputs, *others, *outputs)
-    repeated = sorted({name for name in names if names.count(name) > 1})
+    repeated = sorted(
+        {name for name in names if names.count(name) > 1 or name in {*outputs} & {*reference}}
+    )
     if repeated:
         raise InputError(
             f"each channel has one role, but these have several: {', '.join(repeated)}"

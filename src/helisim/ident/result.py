@@ -157,7 +157,7 @@ class Fit(Checked, Value, Displayed):
                 "start,fix",
             ),
             (
-                self.searches_agreeing < 2,
+                self.searches_agreeing < 2 and bool(self.structure.free),
                 "starts",
                 "no two starts, at different delays where there are any, ended in this minimum: "
                 "try more searches, or say where to start",

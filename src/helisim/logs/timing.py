@@ -172,7 +172,7 @@ def in_order(
         return (samples,)
     what = (
         f"time goes back from {time[back[0] - 1]:.9g} to {time[back[0]]:.9g} s after the start "
-        f"({back.size} times in all)"
+        f"({back.size} in all)"
     )
     done = "split there" if "resets" in options.repair and clocks == 1 else None
     advice = "split the log where its clock was reset with the repair 'resets', or sort its rows"
@@ -190,7 +190,7 @@ def without_duplicates(samples: Samples, options: Options, findings: Findings) -
     same = np.flatnonzero(np.diff(samples.time) == 0.0) + 1
     if not same.size:
         return samples
-    what = f"the same time as the {samples.counts} before ({same.size} times in all)"
+    what = f"the same time as the {samples.counts} before ({same.size} in all)"
     done = "such rows averaged" if "duplicates" in options.repair else None
     advice = "average such rows with the repair 'duplicates', or use a finer clock"
     samples.report(findings, "duplicate stamp", same, what, done, advice, "repair=duplicates")

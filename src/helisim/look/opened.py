@@ -110,11 +110,13 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
     shown = tuple(used[name] for name in sorted(used))
     mapped = {*(one.column.column for one in seen), *(one.name for one in clocks.values())}
     unused = tuple(name for name in source.names if name not in mapped)
-    if not moving and clocks:
+    if not moving and (clocks or not findings.refused):
         findings.refuse(
             "channels",
-            f"{path}: no column looks like a channel that moves; say which is which",
-            remedy=Option("channel", "NAME=COLUMN:UNIT"),
+            f"{path}: no column looks like a channel that moves; say which is which"
+            if clocks
+            else f"{path}: its time stands still, or isn't there",
+            remedy=(Option("channel", "NAME=COLUMN:UNIT") if clocks else Option("time"),),
         )
     found = LogLook(str(path), source.format, shown, seen, unused)
     if not moving or not clocks:
