@@ -55,7 +55,7 @@ def test_gaps_and_parts_are_told_with_their_numbers(tmp_path):
         "    lines 2 to 11, 9 s",
         "    lines 12 to 21, 9 s",
         f"  repaired: line 12: {gap}split there",
-        "  repaired: 1 parts are left out as too short: lines 22 to 22 (1 samples)",
+        "  repaired: left out as too short: lines 22 to 22",
     ]
     (part,) = read_log(path, repair="gaps", start=10.0).report.parts
     assert (part.start, part.first_row) == (30.0, 12)

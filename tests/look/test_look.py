@@ -23,7 +23,7 @@ from helisim.logs.report import OURS, LogFinding  # noqa: F401  (rows name it)
 from helisim.logs.timing import Options  # noqa: F401  (rows name it)
 from helisim.look import look
 from helisim.look.channels import guess  # noqa: F401  (rows name it)
-from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, whole
+from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, joined, whole  # noqa: F401  (rows name them)
 from helisim.look.look import _band, _choices, _event, _instead, _main  # noqa: F401  (rows name them)
 from helisim.look.opened import LogLook, _mended  # noqa: F401  (rows name it)
 from helisim.records.record import CHANNELS, FlightRecord

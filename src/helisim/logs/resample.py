@@ -84,7 +84,7 @@ def cut(
         said = [f"{first.counts}s {one.first_row} to {one.last_row}" for one in short[:3]] + [
             f"and {len(short) - 3} more"
         ] * (len(short) > 3)
-        text = f"parts too short to be used are left out: {', '.join(said)}"
+        text = f"left out as too short: {', '.join(said)}"
         rows = tuple(row for one in short for row in (one.first_row, one.last_row))
         findings.note("short part", text, len(short), rows, repaired=True)
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
@@ -145,8 +145,8 @@ def _report_gaps(samples: Samples, gaps: Real, options: Options, findings: Findi
     after = np.minimum(np.searchsorted(time, starts, side="right"), time.size - 1)
     share = 100.0 * lost / float(time[-1] - time[0])
     what = (
-        f"a gap of {widths[0]:.4g} s from {starts[0]:.6g} s after the start ({starts.size} in "
-        f"all, {lost:.4g} s, {share:.2g} % of the log)"
+        f"a gap of {widths[0]:.4g} s from {starts[0]:.6g} s after the start ({starts.size} "
+        f"gap{'s' * (starts.size > 1)}, {lost:.4g} s, {share:.2g} % of the log)"
     )
     advice, remedy = "split the log at its gaps with the repair 'gaps'", "repair=gaps"
     usual = float(np.quantile(widths, _MOST))

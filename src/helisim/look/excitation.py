@@ -1,13 +1,14 @@
 """Finds what excited a control, which channels respond and in which band, and closed loops."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.note import Option
+from helisim.base.settings import grouped
 from helisim.base.units import window_transforms
 from helisim.ident.local import between
 from helisim.ident.rational import order
@@ -209,14 +210,22 @@ def answers(
     record: FlightRecord, excited: Sequence[FoundExcitation], rates: Mapping[str, float]
 ) -> tuple[FoundAnswer, ...]:
     """Return the coherent responses, best first; `rates` are each channel's rate as logged, Hz."""
-    found = [
+    return joined(
         answer
         for one in excited
         for output in ANSWERS
         if output in record
         for answer in _answer(record.slice(one.start, one.stop), one, output, rates)
-    ]
-    return tuple(sorted(found, key=lambda one: -one.coherence * np.log(one.high / one.low)))
+    )
+
+
+def joined(found: Iterable[FoundAnswer]) -> tuple[FoundAnswer, ...]:
+    """Return answers, best first; those of several parts of a log over all that they span."""
+    best = sorted(found, key=lambda one: -one.coherence * np.log(one.high / one.low))
+    return tuple(
+        replace(one[0], low=min(a.low for a in one), high=max(a.high for a in one))
+        for one in grouped(best, lambda one: (one.input, one.output)).values()
+    )
 
 
 def _answer(

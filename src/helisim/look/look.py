@@ -29,6 +29,7 @@ from helisim.look.excitation import (
     answers,
     beside,
     excitation,
+    joined,
     loops,
     whole,
 )
@@ -150,11 +151,13 @@ def _looked(log: LogLook) -> LogLook:
         return replace(
             log, sweeps=swept, findings=(*log.findings, *(() if of_use else (_instead(log, ()),)))
         )
-    record = max(log.records, key=lambda one: one.duration)
+    record, *shorter = sorted(log.records, key=lambda one: -one.duration)
     rates = {one.name: one.rate for one in log.channels}
     there = [name for name in CONTROLS if name in record]
-    excited = _main(excitation(name, record.time, record[name]) for name in there)
-    found, said = answers(record, excited, rates), list(log.findings)
+    parts = [record, *(one for one in shorter if one.duration > SHORT * record.duration)]
+    moved = [_main(excitation(name, one.time, one[name]) for name in there) for one in parts]
+    excited, said = moved[0], list(log.findings)
+    found = joined(one for pair in zip(parts, moved) for one in answers(*pair, rates))
     if not found:  # what moved for a short while may have moved all along
         events = {one.channel: one for one in excited if one.kind != "motion"}
         kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
@@ -301,8 +304,11 @@ def _proposal(
 ) -> Proposal:
     """Return the command for a choice. Raises HelisimError if `identify` refuses it."""
     used = [one for one in usable if any(a.input in inputs for a in one.answers)]
-    if structure.startswith("tf:") and len({one.format for one in used}) > 1:
-        used = used[:1]
+    written = [  # alike in all logs of a command
+        (one.format, {c.column.column for c in one.channels if c.name in (*inputs, *outputs)})
+        for one in used
+    ]
+    used = [one for one, own in zip(used, written) if own == written[0]]
     # The sticks, where all were excited: in a closed loop, or where no other control has a part and
     # they are logged as fast. Records' sticks are references by themselves.
     sticks = tuple(STICKS.get(name, "") for name in inputs)

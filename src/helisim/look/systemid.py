@@ -147,8 +147,10 @@ class TakenChannel:
     why: str
 
     def __str__(self) -> str:
-        said = self.column.unit or "as stated"
-        return f"{self.name} = {self.column.column} [{said}], {self.rate:.4g} Hz: {self.why}"
+        return (
+            f"{self.name} = {self.column.column} [{self.column.unit or 'as stated'}], "
+            f"{self.rate:.4g} Hz: {self.why}"
+        )
 
 
 @dataclass(frozen=True)
@@ -415,10 +417,14 @@ def infer(
     slowest = min(one.rate for log in found for one in log.channels if one.rate > 0.0)
     rate = resample_hz or float(f"{slowest / max(1, math.floor(slowest / needed)):.6g}")
     asked = (repair,) if isinstance(repair, str) else repair
-    shortest = min_duration or _SHORTEST * max(one.stop - one.start for one in used)
     made = Inferred(
         found,
-        Options(rate, {*_REPAIRS, *asked}, _MAX_GAP if max_gap is None else max_gap, shortest),
+        Options(
+            rate,
+            {*_REPAIRS, *asked},
+            _MAX_GAP if max_gap is None else max_gap,
+            min_duration or _SHORTEST * max(one.stop - one.start for one in used),
+        ),
     )
     helicopters = all(log.helicopter for log in found)
     fits: list[InferredFit] = []
@@ -457,13 +463,12 @@ def _inferred(
             remedy="from,to",
         )
     spans = [(one.start + log.begins, one.stop + log.begins) for one in mine]
-    own = not parameters or any(name.startswith("H_RSC_") for name in parameters)
-    frame = parameters.get("FRAME_CLASS", float(own) * _HELICOPTER)
+    own = _HELICOPTER * (not parameters or any(one.startswith("H_RSC_") for one in parameters))
     channels = _chosen_channels(log, given, spans)
     return InferredLog(
         path=str(path),
         version=log.version,
-        helicopter=frame == _HELICOPTER,
+        helicopter=parameters.get("FRAME_CLASS", own) == _HELICOPTER,
         sweeps=mine,
         channels=channels,
         parameters=FrozenMap(parameters),
