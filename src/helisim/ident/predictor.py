@@ -6,17 +6,17 @@ have come back into u before t: feedback by a law, or by a pilot who answers gus
 as long as the lags are enough to foresee gusts. Lags are single ones, then means over wider ones.
 
 A servo at its limit of speed lags the more, the larger the command. The cube of each input's speed
-is one more input, over short lags, so that H is the response to small motion. A cube is not all of
-such a limit: what it moves the response by is one more error. Accelerations answer a jump at once,
-wherever it lies between two samples here, which cubes would take for a limit: theirs is the
-response without cubes, with the same error.
+is one more input, over short lags, so that H is the response to small motion, where that predicts
+better by more than chance (G. Schwarz, Ann. Statist. 6, 1978): where nothing is at a limit, cubes
+take jumps, which tell most, for one. A cube is not all of such a limit: what it moves the response
+by is one more error, with cubes and without. Accelerations answer a jump at once, wherever it lies
+between two samples here, which cubes would take for a limit: theirs is without cubes.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from helisim.base.arrays import Complex
 from helisim.ident.local import Local
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
 from helisim.records.record import ACCELERATIONS
@@ -44,7 +44,7 @@ class Predictor(Local):
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
         count = _SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE))
         edges = np.rint(_SINGLE * np.sinh(np.arange(count + 1.0) / _SINGLE)).astype(np.intp)
-        wide, slow, parts, told = np.diff(edges), edges[1:] * tick <= _SLEWS, [], list[Complex]()
+        wide, slow, parts, told = np.diff(edges), edges[1:] * tick <= _SLEWS, [], []
         for one in self._records:
             size = max(round(tick / one.sample_time), 1)
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
@@ -65,8 +65,7 @@ class Predictor(Local):
         rows, now = np.split(np.concatenate(parts), [-n_out], axis=1)
         turn, linear = np.exp(-1j * tick * omega)[:, None], wide.size * len(names)
         lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
-        for cubes in (jumps, not jumps):  # the last is the estimate, the other its gap
-            some = rows if cubes else rows[:, :linear]
+        for some in (rows, rows[:, :linear]):
             unit = 1.0 / (some.std(axis=0) + 1e-300)
             left, size, right = np.linalg.svd(some * unit, full_matrices=False)
             root = (unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0]))[:linear]
@@ -74,12 +73,22 @@ class Predictor(Local):
                 "fw,wso->fos", lag, (root @ (left.T @ now)).reshape(wide.size, len(names), n_out)
             )
             inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
-            told.append(inverse @ kernel[:, :, n_out : n_out + len(inputs)])
-        (other, whole), rest = told, now - left @ (left.T @ now)
+            rest, free = now - left @ (left.T @ now), len(rows) - some.shape[1]
+            told.append(
+                (
+                    len(rows) * np.linalg.slogdet(rest.T @ rest)[1]
+                    - n_out * free * np.log(len(rows)),  # the less, the likelier
+                    inverse @ kernel[:, :, n_out : n_out + len(inputs)],
+                    *(inverse, root, rest, free),
+                )
+            )
+        (_, whole, inverse, root, rest, free), (_, other, *_) = (
+            told[::-1] if jumps or told[1][0] < told[0][0] else told
+        )
         own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
-        spectrum = rest.T @ rest * (tick / np.pi / (len(rows) - some.shape[1]))
+        spectrum = rest.T @ rest * (tick / np.pi / free)
         noise = inverse @ spectrum @ inverse.conj().swapaxes(1, 2)
         response, first = np.moveaxis(whole, 0, 2), np.zeros(1, dtype=np.intp)
         still = np.zeros(response.shape)
