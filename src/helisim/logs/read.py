@@ -389,14 +389,14 @@ def _tidied(
 
 
 def _unwrapped(samples: Samples, findings: Findings) -> Samples:
-    values = samples.values.copy()
+    """Return samples whose angles, in place, don't jump by a turn."""
     for k, (channel, heading, *_) in enumerate(samples.taken):
-        known = np.flatnonzero(np.isfinite(values[:, k]))
-        turns = np.flatnonzero(np.abs(np.diff(values[known, k])) > _WRAP)
+        known = np.flatnonzero(np.isfinite(samples.values[:, k]))
+        turns = np.flatnonzero(np.abs(np.diff(samples.values[known, k])) > _WRAP)
         if turns.size and channel.unit == "rad":
-            values[known, k] = np.unwrap(values[known, k])
+            samples.values[known, k] = np.unwrap(samples.values[known, k])
             rows = tuple(samples.rows[known[turns + 1]].tolist())
             findings.note(
                 *("angle wraps", f"column {heading!r}: unwrapped"), turns.size, rows, repaired=True
             )
-    return replace(samples, values=values)
+    return samples

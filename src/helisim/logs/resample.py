@@ -70,7 +70,8 @@ def cut(
         if time.size < 2 or part.duration < options.min_duration:
             short.append(part)
         elif rate is None:
-            values, holes = inside.values.copy(), np.isnan(inside.values)
+            holes = np.isnan(inside.values)
+            values = inside.values.copy() if holes.any() else inside.values
             for column, empty, line in zip(values.T, holes.T, lines):
                 if empty.any():
                     column[empty] = _between(*line, start, stop)(time[empty])

@@ -43,15 +43,18 @@ def screened(
     samples: Samples, options: Options, findings: Findings, wanted: Collection[str] | None = None
 ) -> Samples:
     """Find spikes and frozen runs; return the samples without those that are to be repaired."""
-    values = samples.values.copy()
+    values = samples.values.copy() if options.repair else samples.values
     for k, (channel, heading, *_) in enumerate(samples.taken):
         kinds = ("frozen", "spikes") if channel.kind == "OUT" else ("spikes",)
         measured = not channel.name.endswith(("_disturbance", "_sum"))  # but injected: known
         for kind in kinds if measured and (wanted is None or channel.name in wanted) else ():
             known = np.flatnonzero(np.isfinite(values[:, k]))
             one = values[known, k]
-            single = ((n, n) for n in np.flatnonzero(spikes(one)).tolist())
-            runs = [*frozen_runs(one)] if kind == "frozen" else [*single]
+            runs = (
+                [*frozen_runs(one)]
+                if kind == "frozen"
+                else [(n, n) for n in np.flatnonzero(spikes(one)).tolist()]
+            )
             if not runs:
                 continue
             bad = known[np.concatenate([np.arange(a, b + 1) for a, b in runs])]
@@ -65,7 +68,8 @@ def screened(
             )
             remedy = "" if asked else f"repair={kind}"
             findings.note(kind, text, len(rows), rows, repaired=asked, remedy=remedy)
-            values[bad, k] = np.nan if asked else values[bad, k]
+            if asked:
+                values[bad, k] = np.nan
     return replace(samples, values=values)
 
 
