@@ -226,24 +226,24 @@ def test_a_gain_margin_is_told_within_the_models_band_alone():
 
 
 def test_what_the_header_lacks_is_the_dump_s(log, tmp_path):
-    path = saved(tmp_path, flown(2.0), rollPID="52,100,0", pitchPID="45,100,40", yawPID="60,70,5")
-    lines = path.read_bytes()
-    for name in (b"rollBW", b"pitchBW", b"yawBW", b"yaw_stop_gain"):
-        lines = re.sub(b"H " + name + b":.*\n", b"", lines)
-    path.write_bytes(lines)
+    moved = (flight := flown(2.0))["setpoint[2]"]
+    flight |= {"setpoint[0]": moved, "axisF[0]": 60 * moved // 40}
+    flight |= dict.fromkeys(("axisF[1]", "axisF[2]"), 0 * moved)
+    lines = {"rollPID": "52,100,0", "pitchPID": "45,100,40", "yawPID": "60,70,5"}
+    lines |= dict.fromkeys(("rollBW", "pitchBW", "yawBW", "yaw_stop_gain", "hsi_gain"))
+    path = saved(tmp_path, flight, **lines)
     dump = {"yaw_f_gain": "33", "yaw_gyro_cutoff": "90", "yaw_cw_stop_gain": "95", "name": "x"}
-    yaw = law_of_log(Blackbox(path), dump).yaw
-    assert (yaw.f, yaw.gyro_cutoff, yaw.cw_stop_gain, yaw.p) == (33.0, 90.0, 95.0, 60.0)
+    law = law_of_log(Blackbox(path), dump)
+    assert (law.yaw.f, law.yaw.gyro_cutoff, law.yaw.cw_stop_gain) == (33.0, 90.0, 95.0)
+    assert (law.yaw.p, law.roll.f, law.roll.o) == (60.0, 60.0, 0.0)
     for wrong, said in (
-        ({"yaw_p_gain": "61"}, "yaw's p is another in the dump"),
+        ({"yaw_p_gain": "61", "roll_o_gain": "9"}, "roll's o is another in the dump"),
         ({"yaw_f_gain": "x"}, "the dump's yaw_f_gain is 'x', expected a whole number"),
     ):
         with pytest.raises(LogError, match=said):
             law_of_log(Blackbox(path), wrong)
-    file = tmp_path / "dump.txt"
-    file.write_text("set yaw_p_gain = 61\n")
-    words = ["tune", str(path), "--dump", str(file), "--quiet"]
-    assert main(words) == 2
+    (tmp_path / "dump.txt").write_text("set yaw_p_gain = 61\n")
+    assert main(["tune", str(path), "--dump", str(tmp_path / "dump.txt"), "--quiet"]) == 2
 
 
 def test_a_plant_of_its_models_is_still_where_nothing_was_told(tuned):

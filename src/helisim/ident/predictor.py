@@ -88,8 +88,7 @@ class Predictor(Local):
         own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
-        spectrum = rest.T @ rest * (tick / np.pi / free)
-        noise = inverse @ spectrum @ inverse.conj().swapaxes(1, 2)
+        noise = inverse @ (rest.T @ rest * (tick / np.pi / free)) @ inverse.conj().swapaxes(1, 2)
         response, first = np.moveaxis(whole, 0, 2), np.zeros(1, dtype=np.intp)
         still = np.zeros(response.shape)
         scatter = LocalScatter(

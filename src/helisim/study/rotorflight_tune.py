@@ -65,7 +65,7 @@ _FITS = (
 )
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
-_TERMS = "pidfb"  # in the header's order
+_TERMS = "pidfbo"  # in the header's order, which has O elsewhere
 _LINES = {  # of the header, besides P, I and D
     **{
         f"{axis}BW": [(axis, f"{one}_cutoff") for one in ("gyro", "d", "b")]
@@ -141,8 +141,8 @@ def law_of_log(
 
     It has no filters of the gyro, as the log's gyro is behind them; O acts as at a mean
     `collective`, rad. What the header lacks beside gains is as in `dump`, as of `read_dump`, or the
-    firmware's default. Raises LogError for another firmware's log, where the header lacks P, I or
-    D, and for a dump of other gains.
+    firmware's default; F and O of roll and pitch follow from the log's terms. Raises LogError for
+    another firmware's log, where the header lacks P, I or D, and for a dump of other gains.
     """
     header, place = log.header, log.path.name
     if not log.firmware.startswith("Rotorflight") or "mixer[0]" not in log.columns:
@@ -153,16 +153,21 @@ def law_of_log(
         )
 
     axes: dict[str, dict[str, float]] = {}
-    for axis in _AXES.values():
+    for k, axis in enumerate(_AXES.values()):
         gains = dict(zip(_TERMS, _numbers(log, f"{axis}PID", 3)))
+        if axis != "yaw" and {f"axisF[{k}]", f"setpoint[{k}]"} <= log.columns.keys():
+            (by,), *_ = np.linalg.lstsq(log.raw(f"setpoint[{k}]")[:, None], log.raw(f"axisF[{k}]"))
+            gains = {"f": float(np.clip(np.rint(1e-3 * by / of.SCALES[axis]["f"]), 0, 1e3))} | gains
+            gains |= {} if f"axisO[{k}]" in log.columns else {"o": 0.0}  # logged above 0 alone
         told = _dumped(axis, dump or {})
         if others := [name for name in gains.keys() & told.keys() if gains[name] != told[name]]:
             raise LogError(
                 f"{place}: {axis}'s {', '.join(sorted(others))} is another in the dump of the "
-                "command line than in the log's header; give a dump of the settings that flew"
+                "command line than in the log's header or terms; give a dump of the settings that "
+                "flew"
             )
-        gains["i"] = max(gains["i"], 1e-6)  # a law without any holds nothing, but has its loop
-        axes[axis] = {"range": 1.0, **told, **gains}
+        # a law without any I holds nothing, but has its loop
+        axes[axis] = {"range": 1.0, **told, **gains, "i": max(gains["i"], 1e-6)}
     for line in _LINES.keys() & header.keys():
         for (axis, name), number in zip(_LINES[line], _numbers(log, line, 2)):
             axes[axis][name] = number
@@ -237,8 +242,13 @@ def tune_blackbox(
         _numbers(first, one, 1)[0]
         for one in ("looptime", *({"pid_process_denom"} & first.header.keys()))
     )
-    lacks = [one for one in _LINES if one not in first.header and one != "hsi_gain"]
-    if lacks and told is None:
+    if told is None and (
+        lacks := [
+            one
+            for one in _LINES
+            if one not in first.header and (one != "hsi_gain" or "axisO[0]" in first.columns)
+        ]
+    ):
         remarks.append(
             f"the header lacks {', '.join(lacks)}, as before Rotorflight 4.4: the firmware's "
             "defaults are taken; give a dump of the command line (diff all)"
@@ -268,8 +278,7 @@ def tune_blackbox(
     plants = [plant, *plant.draws(DRAWS, seed=seed)]
     on_step("loops as flown")
     axes = tuned_axes(plant)
-    loop = PredictedLoop.of(plants, today, _BAND[0])
-    stays = {axis: loop.figures(axis) for axis in axes}
+    stays = dict(zip(axes, map(PredictedLoop.of(plants, today, _BAND[0]).figures, axes)))
     wrong = {
         axis: f"it crosses over at {at:.3g} rad/s, and the flight tells the model to {top:.3g}; "
         + _FLY
@@ -304,7 +313,9 @@ def tune_blackbox(
                 gains[axis],
                 law,
                 plants,
-                ahead=told is not None or len(_numbers(first, f"{_AXES[axis]}PID", 3)) > len("pid"),
+                ahead=told is not None
+                or (axis != "ped" and "axisF[0]" in first.columns)
+                or len(_numbers(first, f"{_AXES[axis]}PID", 3)) > len("pid"),
             )
             shown = _seen(
                 tuned[axis],
