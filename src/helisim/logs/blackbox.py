@@ -321,6 +321,13 @@ class Blackbox:
                 (),
             ),
             (
+                "no end",
+                f"{self._place}: no event ends it: its last frames may be lost, as where the power "
+                "went first",
+                int(not own["ended"] and not self._cut),
+                (),
+            ),
+            (
                 "adjusted",
                 f"{changed} settings were changed in flight; the header has the first ones",
                 changed,
