@@ -56,6 +56,9 @@ _HELD, _REGULAR = 30, 0.97  # most samples that a slower logger holds; share of 
 # Mean square of a control's steps, in its variance, from which they are designed: white values have
 # 2, a sweep up to three values a period has 1
 _JUMPS = 1.0
+# Of a coarse stick's least steps, beyond which a change is more than one; of usual holds, beyond
+# which a signal rests
+_LEAPS, _RESTS = 1.5, 2.0
 # Share of samples that may lie on straight lines; so many in a row, in all channels, were filled;
 # of a column's smallest steps, what such lines go by; of the mean
 # bend, what more than rounding bends
@@ -147,11 +150,11 @@ def _feedback(
                 )
             )
     if said:
-        names = " and ".join(drive[:tested])
         yield Note(
             "feedback",
-            f"feedback: what else moves {said}, as gusts do, comes back in {names}, which biases "
-            f"the responses of {said} by up to {100.0 * worst:.2g} % rms; "
+            f"feedback: what else moves {said}, as gusts do, comes back in "
+            f"{' and '.join(drive[:tested])}, which biases the responses of {said} by up to "
+            f"{100.0 * worst:.2g} % rms; "
             + (
                 "who gives the reference answers gusts, too: fly hands off but for the sweep"
                 if frf.reference
@@ -403,15 +406,14 @@ def _halves(
     """Yield responses that differ between one half of the records and the other."""
     power = np.array([np.var(one.select(inputs), axis=0) for one in flights])
     mainly = np.argmax(power / np.maximum(power.max(axis=0), 1e-300), axis=1)
-    sides: tuple[list[FlightRecord], list[FlightRecord]] = ([], [])
-    for axis in range(len(inputs)):
-        of = [one for one, main in zip(flights, mainly) if main == axis]
-        middle = (len(of) + 1) // 2
-        sides[0].extend(of[:middle])
-        sides[1].extend(of[middle:] or of)
+    each = [
+        [one for one, main in zip(flights, mainly) if main == axis] for axis in range(len(inputs))
+    ]
+    first = [one for of in each for one in of[: (len(of) + 1) // 2]]
+    last = [one for of in each for one in of[(len(of) + 1) // 2 :] or of]
     if len(flights) > len({*mainly.tolist()}):
         for name, percent in _differing(
-            *sides, frf, inputs, len(frf.inputs), fewest=1, coherent=0.0
+            first, last, frf, inputs, len(frf.inputs), fewest=1, coherent=0.0
         ):
             yield Note(
                 "records",
@@ -594,18 +596,22 @@ def held(flights: Sequence[FlightRecord], name: str, *, control: bool) -> int:
     """Return for how many samples a signal's values last, 1 if they are its own.
 
     Uneven holds are told by values that never come again, which are no converter's steps; those of
-    a control by none that is brief. 0: a control that jumps as far as it moves at all, by design.
+    a control by its leaps, of more than a step of a coarse stick. 0: a control that stands before
+    and after each change, or jumps as far as it moves at all, by design.
     """
     columns = [one[name] for one in flights]
-    moves = [np.diff(one) != 0.0 for one in columns]
-    every = max(map(_ticks, moves))
+    moves = [np.diff(one) for one in columns]
+    every = max(_ticks(one != 0.0) for one in moves)
+    size = np.hstack([np.abs(one[one != 0.0][1:]) for one in moves])
     runs = np.hstack([np.diff(np.flatnonzero(one)) for one in moves])
-    if runs.size > _HELD and (usual := round(float(np.median(runs)))) > every:
+    ticks = runs[size > _LEAPS * np.min(size, initial=np.inf)] if control else runs
+    if ticks.size > _HELD:
+        ticks = ticks[ticks <= _RESTS * np.median(ticks)]
+        usual = round(float(ticks @ ticks / np.sum(ticks)))  # of the one that a sample lies in
         new = np.unique(np.hstack(columns)).size > _REGULAR * runs.size
-        brief = float(np.quantile(runs, 1.0 - _REGULAR)) <= 0.5 * usual
-        every = usual if new or (control and not brief) else every
+        every = max(every, usual) if new or (control and usual <= _HELD) else every
     steps = max(np.mean(np.diff(one[::every]) ** 2) / (np.var(one) + 1e-300) for one in columns)
-    return 0 if control and steps > _JUMPS else every
+    return 0 if control and (steps > _JUMPS or (every == 1 < np.min(runs, initial=2))) else every
 
 
 def left_of(flights: Sequence[FlightRecord], name: str, omega: Real) -> Complex:

@@ -201,7 +201,13 @@ def _with_ends(structure: Structure) -> Structure:
 class _Likelihood:
     """Whitened residuals of all lines without what the records' ends and trends explain."""
 
-    def __init__(self, structure: Structure, lines: _Lines, fewer: Sequence[_Lines] = ()) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        lines: _Lines,
+        fewer: Sequence[_Lines] = (),
+        white: Real | None = None,
+    ) -> None:
         self.structure, self.lines, self._fewer = structure, lines, fewer
         self.names = [one.name for one in structure.free]
         self.limits = np.array([one.limits for one in structure.free]).reshape(-1, 2).T
@@ -209,7 +215,9 @@ class _Likelihood:
         self.shape = (lines.omega.size, len(structure.outputs), len(self._wide.inputs))
         self._where = self._sensitivity()
         self._level = np.sqrt(np.mean(np.abs(lines.outputs) ** 2, axis=0))
-        self.white = np.diag(1.0 / np.maximum(self._level, 1e-300))
+        self.white: Real = (
+            np.diag(1.0 / np.maximum(self._level, 1e-300)) if white is None else white
+        )
         self._cached: tuple[bytes, Complex, Complex] | None = None
         self._taken = np.zeros(self.shape[:2])
 
@@ -273,7 +281,7 @@ class _Likelihood:
         change = float(np.max(np.abs(power - np.eye(len(power)))))
         back = np.linalg.inv(self.white)
         noise = back @ power @ back.T + np.diag((_FLOOR * self._level) ** 2)
-        self.white, self._cached = np.linalg.inv(np.linalg.cholesky(noise)), None
+        self.white, self._cached = np.linalg.inv(np.linalg.cholesky(noise)).astype(np.float64), None
         return change
 
     def accuracy(self, x: Real) -> Accuracy:
@@ -300,9 +308,8 @@ class _Likelihood:
         carried = -(gain @ _parts(slope).T) * np.array([one.error for one in known])
         covariance = covariance + carried @ carried.T
         for lines in self._fewer:
-            other = _Likelihood(self.structure, lines)
-            other.white = self.white
-            moved = gain @ (other.residual(x) - self.residual(x))
+            other = _Likelihood(self.structure, lines, white=self.white)
+            moved = _descended(other, x)[1] - x
             covariance += np.outer(moved, moved) / len(self._fewer)
         bound = np.where(seen, 2.0 * np.linalg.norm(gain, axis=1), np.inf)
         root = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
