@@ -151,11 +151,12 @@ def test_what_is_given_is_taken_and_doubted_and_nothing_to_identify_is_said(tmp_
     assert said(finding) == "--time time_ms:ms"
     assert found.proposal is None
     t, random, path = np.arange(3000) / 50.0, np.random.default_rng(0), tmp_path / "rest.csv"
-    table = np.column_stack([t, 0.01 * random.standard_normal((3000, 2)), np.full(3000, 0.2)])
-    np.savetxt(path, table, delimiter=",", header="t [s],p [rad/s],q [rad/s],lat [1]", comments="")
-    assert main(["look", str(path)]) == 1
-    printed = capsys.readouterr().out
-    assert all(one in printed for one in ("no control moves", "nothing can be identified"))
+    for width, why in ((0.0, "no control moves"), (1.0, "moved in one event")):
+        table = [t, *random.standard_normal((2, 3000)) * [t > -1.0, np.abs(t - 30.0) < width]]
+        np.savetxt(path, np.transpose(table), "%g", ",", header="t [s],p [rad/s],lat", comments="")
+        assert main(["look", str(path)]) == 1
+        printed = capsys.readouterr().out
+        assert all(one in printed for one in (why, "nothing can be identified"))
     with pytest.raises(InputError, match="no logs"):
         look([])
 
@@ -200,14 +201,13 @@ def test_a_closed_loop_is_told_and_nothing_is_proposed_that_identify_refuses(tmp
 def test_a_command_that_only_a_controller_moves_shows_no_vehicle(tmp_path, swept, capsys):
     """Gusts in a loop without a pilot: p over lat is minus one over the law, which leads."""
     random, count = np.random.default_rng(2).standard_normal((2, 9000)), 9000
-    stick = swept * rolled()[1][::10][:count] / 0.1
-    stick = np.concatenate([stick, np.zeros(count - stick.size)])
+    stick = np.pad(swept * rolled()[1][::10] / 0.1, (0, count))[:count]
     p, lat = np.zeros(count), np.zeros(count)
     for k in range(count - 1):
         seen = p[k] + 0.01 * random[1, k]
         lat[k + 1] = 0.6 * lat[k] + 0.4 * (stick[k] - 0.05 * seen)
         p[k + 1] = p[k] + 0.01 * (GAIN * lat[k] - DAMPING * p[k] + 4.0 * random[0, k])
-    rows = {"R": p / RAD_PER_DEG, "ROut": lat}
+    rows = {"R": p / RAD_PER_DEG, "ROut": lat, "AOut": 0.5 * (np.arange(count) // 1000 == 2)}
     path = tmp_path / "a.bin"
     path.write_bytes(autopilot_logs.dataflash({"RATE": (1e4 * np.arange(count) + 1e6, rows)}))
     found = look(path)

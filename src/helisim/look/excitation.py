@@ -54,9 +54,9 @@ SAMPLES_A_PERIOD = 10.0
 # _SMOOTHED: frequencies of the coherence's running median
 # _NARROWEST: of highest to lowest frequency, from which a band is worth a line
 _SMOOTHED, _NARROWEST = 5, 2.0
-# _LEAST_EVENTS: windows that a motion is spread among, at least
+# LEAST_EVENTS: windows that a motion is spread among, at least: in one event all is coherent
 # _LEAST_SHARE: of a control's power: what is coherent with less doesn't answer what moved it
-_LEAST_EVENTS, _LEAST_SHARE = 1.5, 0.1
+LEAST_EVENTS, _LEAST_SHARE = 1.5, 0.1
 _BESIDE = 1.3  # by which a band may go beyond what was excited
 # partial coherence of control and motion in a closed loop; share of what inputs leave of outputs
 # power, by chance a sixth (one over the windows), from which another control's part is taken out,
@@ -128,7 +128,7 @@ def whole(record: FlightRecord, channel: str, kind: Kind = "motion") -> FoundExc
     time, values = record.time, record[channel] - np.mean(record[channel])
     if _rests(record[channel]):
         return None
-    one = kind if _events(values) < _LEAST_EVENTS else "motion"
+    one = kind if events(values) < LEAST_EVENTS else "motion"
     sizes = *_occupied(record.sample_time, values), float(np.quantile(np.abs(values), 0.98))
     return FoundExcitation(channel, one, float(time[0]), float(time[-1]), *sizes)
 
@@ -150,7 +150,7 @@ def _power(values: Real) -> Real:
     return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
 
 
-def _events(values: Real) -> float:
+def events(values: Real) -> float:
     """Return among how many windows a signal's motion is spread: of one, all is coherent."""
     half = np.array([np.var(one) for one in np.array_split(values, 2 * round(WINDOWS))])
     aligned, shifted = half[::2] + half[1::2], half[1:-1:2] + half[2::2]
@@ -250,7 +250,7 @@ def _answer(
     if (
         high < _NARROWEST * low
         or mine < _LEAST_SHARE * np.sum(held[moved])
-        or (excited.kind == "motion" and _events(part[excited.channel]) < _LEAST_EVENTS)
+        or (excited.kind == "motion" and events(part[excited.channel]) < LEAST_EVENTS)
     ):
         return []
     mean, gain = float(np.mean(coherence[inside])), cross[inside, 1, 0] / cross[inside, 0, 0]

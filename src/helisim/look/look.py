@@ -22,12 +22,13 @@ from helisim.logs.timing import Options
 from helisim.look.channels import AS_RECORDED, CONTROLS, EXACT, GIVEN, SeenChannel
 from helisim.look.excitation import (
     ANSWERS,
+    LEAST_EVENTS,
     SAMPLES_A_PERIOD,
     WINDOWS,
     FoundExcitation,
-    Kind,
     answers,
     beside,
+    events,
     excitation,
     joined,
     loops,
@@ -152,28 +153,36 @@ def _looked(log: LogLook) -> LogLook:
             log, sweeps=swept, findings=(*log.findings, *(() if of_use else (_instead(log, ()),)))
         )
     record, *shorter = sorted(log.records, key=lambda one: -one.duration)
-    rates = {one.name: one.rate for one in log.channels}
+    rates, known = {one.name: one.rate for one in log.channels}, log.format in (OURS, *EXACT)
     there = [name for name in CONTROLS if name in record]
     parts = [record, *(one for one in shorter if one.duration > SHORT * record.duration)]
     moved = [_main(excitation(name, one.time, one[name]) for name in there) for one in parts]
     excited, said = moved[0], list(log.findings)
     found = joined(one for pair in zip(parts, moved) for one in answers(*pair, rates))
     if not found:  # what moved for a short while may have moved all along
-        events = {one.channel: one for one in excited if one.kind != "motion"}
-        kinds: dict[str, Kind] = {name: one.kind for name, one in events.items()}
-        excited = _main(whole(record, one, kinds.get(one, "motion")) for one in there)
-        found = answers(record, excited, rates)
+        shaped = {one.channel: one for one in excited if one.kind != "motion"}
+        every = [
+            one
+            for name in there
+            if (one := whole(record, name, shaped[name].kind if name in shaped else "motion"))
+        ]
+        main = _main(every)
+        # a lesser motion can be a controller's, which shows where signs are known
+        found = answers(record, main, rates) or answers(record, every if known else (), rates)
+        excited = tuple(
+            one for one in every if one in main or one.channel in {a.input for a in found}
+        )
         if found and found[0].input in {one.channel for one in excited if one.kind != "motion"}:
             found = tuple(one for one in found if one.input == found[0].input)
-            excited = tuple(events.values())
-            said.append(_event(events.pop(found[0].input), tuple(events.values())))
+            excited = tuple(shaped.values())
+            said.append(_event(shaped.pop(found[0].input), tuple(shaped.values())))
     own = {
         *((a.input, a.opposes) for a in found if a.output in _OWN.get(a.input, ())),
         *((one.channel, one.kind) for one in excited),
     }
     closed = sorted(
         control
-        for control in {one.input for one in found if log.format in (OURS, *EXACT)} & {*_OWN}
+        for control in {one.input for one in found if known} & {*_OWN}
         if (control, False) not in own and {(control, True), (control, "motion")} & own
     )
     found = tuple(one for one in found if one.input not in closed)
@@ -193,7 +202,20 @@ def _looked(log: LogLook) -> LogLook:
                 "p=COLUMN:rad/s",
             )
             if mute
-            else ("nothing answers coherently: sweep longer, larger, or in calmer air", "")
+            else (
+                "controls moved in one event, with which all is coherent: sweep, or repeat it",
+                "",
+            )
+            if excited
+            and all(
+                one.kind == "motion" and events(record[one.channel]) < LEAST_EVENTS
+                for one in excited
+            )
+            else (
+                f"nothing answers {' or '.join(one.channel for one in excited)} coherently: sweep "
+                "longer, larger, or in calmer air",
+                "",
+            )
             if excited
             else (
                 "no control moves, or no column looks like one: say which of those not used is",
