@@ -311,6 +311,8 @@ def check_records(
     _check_names(flights, inputs, outputs, others, references)
     if not use_ended:
         refuse_truncated(flights)
+    if len({one.digest for one in flights}) < len(flights):
+        raise InputError("a record was given twice, as if its noise were half: give each once")
     if band is not None:
         _check_band(flights, band)
     _check_motion(flights, (*inputs, *others, *references), "input")
