@@ -529,10 +529,9 @@ def test_the_accuracy_is_its_formulas(frf, standardised, exact):
     points = chosen(frf)
     points = replace(points, gap=0.01 * np.exp(1j * np.add(points.frequency, [[0.0], [np.pi]])))
     x = vector([parameter.name for parameter in ROLLPITCH.free])
-    if exact:
-        z, _ = Cost(ROLLPITCH, points).ratio(x)
-        points = replace(points, measured=points.measured * z)
     cost = Cost(ROLLPITCH, points)
+    if exact:
+        cost = Cost(ROLLPITCH, replace(points, measured=points.measured * cost.ratio(x)[0]))
     found = accuracy(cost, x, standardised=standardised)
     inverse = np.linalg.inv(hessian := 2.0 * cost.log_jacobian(x).T @ cost.log_jacobian(x))
     root = np.sqrt(np.diag(inverse))
