@@ -26,7 +26,7 @@ from helisim.handling.measured.margins import (
 )
 from helisim.ident import frequency_response
 from helisim.records.record import Channel, FlightRecord
-from tabled import tabled
+from tabled import rows, tabled
 
 CROSSOVER = {"band": (4.0, 9.0), "draws": 2}
 """Around the crossover alone, at 4.9 rad/s, and no intervals: in a tenth of the time."""
@@ -218,18 +218,8 @@ def test_responses_of_a_loop_follow_from_what_was_injected():
     )
     cuts = cuts_by_name(["lat_disturbance", "lat_sum", "lat", "phi_disturbance", "phi_sum"])
     loop = MeasuredLoop(driven, cuts, 2)
-    one_of_both = [replace(cuts[0], **{name: None}) for name in ("total", "returned")]
-    for found, wanted in (
-        *((MeasuredLoop(driven, (one,), 2).broken("lat"), 5.0 / s) for one in one_of_both),
-        (loop.broken("lat"), 5.0 / s),
-        (loop.broken("roll", "sensors"), 5.0 / s),
-        (loop.disturbance("lat"), left),
-        (loop.turned("lat", "lat"), 4.0 / s * left),
-        (loop.command("lat"), 3.0 / s * left),
-        (loop.command("lat", "q"), 0.1 * left),
-        (loop.actuator("lat"), 0.7 * left),
-        (loop.actuator("lat", "disturbance"), -5.0 / 4.0 * left),
-        (MeasuredLoop(driven[:1], (replace(cuts[0], alone=True),), 2).disturbance("lat"), left),
+    for found, wanted in rows(
+        {**globals(), **locals()}, "test_responses_of_a_loop_follow_from_what_was_injected"
     ):
         np.testing.assert_allclose(found.response, wanted, rtol=1e-9)
     # without errors of the measurement what is left is by how much a flight's loop isn't the trim's
