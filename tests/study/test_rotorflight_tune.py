@@ -150,11 +150,8 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, c
     assert json.loads(data.read_text(encoding="utf-8"))["logs"] == [str(log)]
     told = capsys.readouterr().out
     assert re.search("it droop by 1.8 %.*no model of roll and pitch", " ".join(told.split()))
-    settings = dict(
-        line.removeprefix("set ").split(" = ")
-        for line in out.read_text(encoding="utf-8").splitlines()
-        if line.startswith("set ")
-    )
+    lines = out.read_text(encoding="utf-8").splitlines()
+    settings = dict(line.removeprefix("set ").split(" = ") for line in lines if line[:4] == "set ")
     assert settings == {one.name: f"{one.after:g}" for one in yaw.changes}
     gains = {name.split("_")[1]: float(value) for name, value in settings.items()}
     new = replace(LAW, yaw=replace(LAW.yaw, **gains))
@@ -162,6 +159,10 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, c
     assert flies["gain_margin"].value > 6.0
     assert flies["phase_margin"].value > 45.0
     assert flies["DRB"].value > 1.03 * exact["DRB"]
+    hot, calm = (replace(LAW, yaw=replace(LAW.yaw, p=1.0, i=i)).linear(PERIOD) for i in (1e3, 1.0))
+    loops = [PredictedLoop.of([Yaw()] * 3, hot, flew=one) for one in (None, calm, hot)]
+    told = [one.figures("ped")["gain_margin"].value for one in loops]
+    assert told[0] == told[1] == -told[2] < 0.0  # a law that flew is stable, whatever it encircles
 
 
 def test_a_flight_without_information_is_refused(tmp_path):

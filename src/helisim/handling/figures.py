@@ -102,6 +102,12 @@ class Margins:
         return size if self.stable else -size
 
 
+def encircled(loop: Curve) -> int:
+    """Return how often the phase falls through -180 deg less how often it rises, |L| above one."""
+    turns = crossings(loop.frequency, np.angle(-loop.response), most=np.pi)
+    return int(np.sum(np.where(turns.rising, -1, 1)[turns.of(loop.decibel) > 0.0]))
+
+
 def margins(loop: Curve) -> Margins:
     """Return gain and phase margins of a broken loop at every crossing, and its crossover.
 
@@ -119,14 +125,15 @@ def margins(loop: Curve) -> Margins:
     there = abs(float(behind[top]))
     wide = there if top == -1 else float(np.pi - (np.pi - there) * 10.0 ** (decibel[top] / 20.0))
     falling = ones.frequency[~ones.rising]
-    nearest = frequency[top] * 10.0 ** (decibel[top] / 20.0)
     return Margins(
         gain=tuple(zip(turns.frequency.tolist(), (-sizes).tolist())),
         phase=tuple(zip(ones.frequency.tolist(), angles.tolist())),
         open_gain=_open_gain(frequency, decibel, behind),
         open_phase=np.pi if ones.index.size else wide,
-        stable=bool(np.sum(np.where(turns.rising, -1, 1)[sizes > 0.0]) <= 0),
-        crossover=float(falling[-1] if falling.size else nearest),
+        stable=encircled(loop) <= 0,
+        crossover=float(
+            falling[-1] if falling.size else frequency[top] * 10.0 ** (decibel[top] / 20.0)
+        ),
         crosses=bool(falling.size),
     )
 

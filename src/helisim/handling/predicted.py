@@ -1,7 +1,7 @@
 """Loops that models predict, with intervals, and models corrected by loops as flown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from helisim.base.arrays import Complex, Real
 from helisim.base.linear import Linear
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import bandwidth, margins, rejection
+from helisim.handling.figures import bandwidth, encircled, margins, rejection
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval, intervals
 
@@ -61,30 +61,41 @@ class Ticking(Linear, Protocol):
 class PredictedLoop(ClosedLoop):
     """The loop of an identified model, and as `draws` those of models as likely, by the same law.
 
-    Models tell it from a lowest frequency up to half of an autopilot's ticks.
+    Models tell it from a lowest frequency up to half of an autopilot's ticks. Law `flew` is known
+    to be stable with all of them: how often a loop encircles -1 counts beside it, as what is slower
+    isn't seen.
     """
 
     draws: tuple[ClosedLoop, ...] = ()
+    flew: Linear | None = None
 
     @classmethod
-    def of(cls, plants: Sequence[Linear], law: Ticking, lowest: float = LOWEST) -> Self:
+    def of(
+        cls,
+        plants: Sequence[Linear],
+        law: Ticking,
+        lowest: float = LOWEST,
+        flew: Linear | None = None,
+    ) -> Self:
         """Return the loop of the first plant, the likeliest, and of all others as draws.
 
-        It is from `lowest`, rad/s, on.
+        It is from `lowest`, rad/s, on; law `flew` is one that flew, stable.
         """
         grid = np.geomspace(lowest, np.pi / law.period, _POINTS)
         first, *others = (ClosedLoop(plant, law, grid) for plant in plants)
-        return cls(first.plant, law, grid, tuple(others))
+        return cls(first.plant, law, grid, tuple(others), flew)
 
     def figures(self, axis: str) -> dict[str, Interval]:
         """Return an axis's figures with their 95 % intervals, cut at the command.
 
         DRB of the attitude alone is one only of a law that senses the attitude.
         """
-        attitude = axis_of(axis).name != "ped"  # the yaw stick asks for a rate
 
         def told(one: ClosedLoop) -> dict[str, float]:
             cut, left = margins(one.broken(axis)), rejection(one.disturbance(axis))
+            if self.flew is not None:
+                flown = ClosedLoop(one.plant, self.flew, one.frequency).broken(axis)
+                cut = replace(cut, stable=encircled(one.broken(axis)) <= encircled(flown))
             quick = bandwidth(one.command(axis))
             found = {
                 "crossover": cut.crossover,
@@ -92,7 +103,8 @@ class PredictedLoop(ClosedLoop):
                 "gain_margin": cut.least_gain,
                 "DRB": left.bandwidth,
                 "DRP": left.peak,
-                "bandwidth": quick.phase if attitude else quick.rate,
+                # the yaw stick asks for a rate
+                "bandwidth": quick.rate if axis_of(axis).name == "ped" else quick.phase,
             }
             if axis_of(axis).angle in self.law.inputs:
                 found[ATTITUDE_DRB] = rejection(one.disturbance(axis, "attitude")).bandwidth

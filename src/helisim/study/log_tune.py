@@ -251,7 +251,7 @@ def tune_log(
     models = [plant, *plant.draws(DRAWS, seed=seed)]
     known = [one for one in axes if shown and one in {cut.axis for cut in shown.used}]
     plants = _put_right(models, law, shown, known) if shown else models
-    today = PredictedLoop.of(plants, law)
+    today = PredictedLoop.of(plants, law, flew=law)
     own = log.parameters(at=start + log.begins)
     wrong = {
         name: f"the model's {fit.verdict}"
@@ -268,7 +268,7 @@ def tune_log(
         )
 
     before = {axis: today.figures(axis) for axis in axes}
-    kept = PredictedLoop.of(plants, with_gains({})) if heard.settings else today
+    kept = PredictedLoop.of(plants, with_gains({}), flew=law) if heard.settings else today
     stays = {
         axis: kept.figures(axis) if heard.settings else before[axis]
         for axis in axes
@@ -318,10 +318,9 @@ def _modes(log: DataFlash) -> tuple[tuple[float, str], ...]:
     if not log.has("MODE", "Mode"):
         return ()
     table, names = log.table("MODE"), {number: name for name, number in MODES.items()}
-    numbers = np.asarray(table["Mode"], int).tolist()
     return tuple(
         (at, names.get(one, f"mode {one}"))
-        for at, one in zip((table.time - log.begins).tolist(), numbers)
+        for at, one in zip((table.time - log.begins).tolist(), table["Mode"].astype(int).tolist())
     )
 
 
@@ -496,13 +495,12 @@ def _unseen(loop: ClosedLoop, plant: Linear, axis: str) -> list[str]:
         margins(loop.broken(axis)).gain, key=lambda turn: abs(turn[1]), default=(0.0, 0.0)
     )
     seen = plant.ratios[axis].frequency[-1] if isinstance(plant, FlownPlant) else np.inf
-    if nearest <= seen:
-        return []
-    return [
+    said = (
         f"the gain margin of {axis_of(axis).word} lies at {nearest:.0f} rad/s, beyond "
         f"{seen:.0f} rad/s, where the sweeps end: let them go on to a higher frequency "
         "(SID_F_STOP_HZ) to know it"
-    ]
+    )
+    return [said] if nearest > seen else []
 
 
 def _named(axis: str, gains: Gains) -> dict[str, float]:
@@ -561,7 +559,7 @@ def searched(
                 none[error.axis] = _UNKNOWN
             continue
         gains = {axis: rounded(axis, one) for axis, one in gains.items()}
-        loop = PredictedLoop.of(plants, law(gains), required.lowest)
+        loop = PredictedLoop.of(plants, law(gains), required.lowest, today)
         tuned = {axis: loop.figures(axis) for axis in gains}
         short = {axis: by for axis in gains if any(by := lacks(tuned[axis], required))}
         left = {
@@ -587,8 +585,9 @@ def searched(
             asked[axis] = one._replace(
                 gain=one.gain + gain, phase=one.phase + phase, peak=one.peak - peak
             )
-        lost = [axis for axis in short if tries[axis] == _TRIES]
-        none |= dict.fromkeys(dull, _AS_GOOD) | dict.fromkeys(lost, _UNKNOWN)
+        none |= dict.fromkeys(dull, _AS_GOOD) | {
+            axis: _UNKNOWN for axis in short if tries[axis] == _TRIES
+        }
         asked = {axis: one for axis, one in asked.items() if axis not in none}
     return {}, {}, none
 
@@ -617,8 +616,7 @@ def _changed(
 ) -> tuple[Changed, ...]:
     """Return the parameters of an axis's new gains beside the log's own."""
     holding = [holds(plant, axis) for plant in plants]
-    error = 1.96 * float(np.std(holding[1:]))
-    told = f", {holding[0]:.4g} +- {error:.2g}, or between it and today's"
+    told = f", {holding[0]:.4g} +- {1.96 * np.std(holding[1:]):.2g}, or between it and today's"
     found = []
     for name, value in _named(axis, gains).items():
         short = "ANG" if "_ANG_" in name else name.split("_")[-1]
