@@ -264,8 +264,13 @@ def _changes(
         factor *= {"M": -roots, "H1": roots}.get(matrix, 1.0)
         at, across = row if of_state else last, column if by_state else last
         total[wanted[parameter]] += np.outer(factor * left[:, at], right[across])
-    # a root that no parameter moves, as a rate's zero at the origin, merges with none
-    moved = np.any(np.diagonal(total, axis1=1, axis2=2), axis=0)
+    # a root that no parameter moves, as a rate's zero at the origin, merges with none; vectors of a
+    # double one are large, and rounding with them
+    moved = np.any(
+        np.abs(np.diagonal(total, axis1=1, axis2=2))
+        > _NOTHING * np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0),
+        axis=0,
+    )
     return np.where(moved[:, None] & moved, total, 0.0)
 
 
