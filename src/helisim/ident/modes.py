@@ -268,7 +268,9 @@ def _changes(
     # double one are large, and rounding with them
     moved = np.any(
         np.abs(np.diagonal(total, axis1=1, axis2=2))
-        > _NOTHING * np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0),
+        > _NOTHING
+        * np.max(np.abs(left), axis=1, initial=0.0)
+        * np.max(np.abs(right), axis=0, initial=0.0),
         axis=0,
     )
     return np.where(moved[:, None] & moved, total, 0.0)
