@@ -115,7 +115,7 @@ def opened(path: Path, map_: Map, options: Options) -> LogLook:
             "channels",
             f"{path}: no column looks like a channel that moves; say which is which"
             if clocks
-            else f"{path}: its time stands still, or isn't there",
+            else f"{path}: its time stands still, has fewer than two rows, or isn't there",
             remedy=(Option("channel", "NAME=COLUMN:UNIT") if clocks else Option("time"),),
         )
     found = LogLook(str(path), source.format, shown, seen, unused)
