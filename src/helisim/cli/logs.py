@@ -197,7 +197,7 @@ def frf(o: Options) -> None:
         logs = read_roles(o, o.inputs, o.outputs, advance)
         frf = estimate(logs, o, o.inputs, o.outputs, advance)
     print(f"{describe(logs)}\n")
-    print("\n".join((as_text(usable_bands(frf)), *frf.flags)))
+    print("\n".join((as_text(usable_bands(frf)), *frf.flags, *map(str, frf.evidence))))
     write_data(o, {**response_data(frf), "logs": reports(logs)})
     if o.csv is not None:
         frf.save(o.csv)

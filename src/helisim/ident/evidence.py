@@ -158,10 +158,12 @@ def _feedback(
             + (
                 "who gives the reference answers gusts, too: fly hands off but for the sweep"
                 if frf.reference
+                else "prediction is free of that only if the law's own gyro is logged at its rate"
+                if frf.estimator == "predictor"
                 else "record the sticks as the reference of the joint estimate, or sweep larger"
             ),
         )
-    elif not frf.reference:  # what goes round a loop grows, too
+    elif not frf.reference and frf.estimator != "predictor":  # what goes round a loop grows, too
         yield from varying
 
 

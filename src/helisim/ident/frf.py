@@ -27,8 +27,7 @@ from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import STICKS, Channel, FlightRecord, one_blas_thread
 
 POINTS_PER_DECADE = 80  # of the frequency grid; fits use 20 points of a response
-# _OF_A_LOOP: what feedback shows in records, which biases no predictor
-ESTIMATORS, _OF_A_LOOP = ("local", "windows", "predictor"), ("feedback", "varying")
+ESTIMATORS = ("local", "windows", "predictor")
 CROSS_CONTROL_LIMIT = 0.5
 """Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
 CROSS_CONTROL_SINGULAR = 0.98
@@ -84,7 +83,8 @@ def frequency_response(
         reference: signals outside the loop (sticks, the sweep), at least as many as active
             inputs: for the joint input-output method, unbiased by feedback and gusts.
         estimator: "local" polynomial and rational method, "windows", CIFER's composite, or
-            "predictor", which feedback doesn't bias without a reference.
+            "predictor", which feedback doesn't bias without a reference, if what the law sees is
+            logged as often as it sees it.
         use_ended: accept flights that were terminated early.
 
     Raises InputError for arguments; IdentificationError if records are too short, an input is
@@ -149,12 +149,7 @@ def frequency_response(
         return whole.part(len(wanted)), whole
 
     direct, whole = estimated(())
-    told = tuple(
-        one
-        for one in evidence(flights, direct, whole)
-        if estimator != "predictor" or one.kind not in _OF_A_LOOP
-    )
-    direct = replace(direct, evidence=told)
+    direct = replace(direct, evidence=evidence(flights, direct, whole))
     if not references:
         return direct
     joint, whole = estimated(references)

@@ -396,12 +396,23 @@ def _models(
 
 
 def _elsewhere(found: FrequencyResponse) -> FrequencyResponse:
-    """Return a response whose errors hold by how much, and how late, flights differ from hovers."""
+    """Return a response whose errors hold by how much, and how late, flights differ from hovers.
+
+    What feedback shows in records biases no prediction by what the law itself saw.
+    """
     assert found.scatter is not None
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
     apart = np.multiply.outer([_ELSEWHERE, 1j * _ELSEWHERE], whole)
     scatter = replace(found.scatter, gap=np.vstack([found.scatter.gap, apart]))
-    return replace(found, scatter=scatter)
+    return replace(
+        found,
+        scatter=scatter,
+        evidence=tuple(
+            one
+            for one in found.evidence
+            if found.estimator != "predictor" or one.kind != "feedback"
+        ),
+    )
 
 
 def _lift(fit: Fit) -> str:
