@@ -176,7 +176,7 @@ def test_a_flight_without_information_is_refused(tmp_path):
 
 def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
     (fit,) = (one for one in tuned.fits if one.structure.name == "heave_imu")
-    late = PERIOD * (LATE + 0.5)
+    late = PERIOD * LATE  # from sample to sample
     for name, true, wide in (("Z_w", Z_W, 0.4), ("Z_col", Z_COL, 20.0), ("tau_col", late, 0.01)):
         low, high = fit.parameters[name].interval
         assert low < true < high < low + wide, name

@@ -370,7 +370,8 @@ def _models(
         try:
             channels = own.inputs, own.outputs, moving(*others), moving(*reference) or reference
             estimate = _elsewhere(
-                *estimate_fits(records, [InferredFit(own.name, *channels, _BAND, "")], estimator)
+                estimate_fits(records, [InferredFit(own.name, *channels, _BAND, "")], estimator)[0],
+                max(one.sample_time for one in records),
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
             fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
@@ -395,18 +396,20 @@ def _models(
     return fits, wrong
 
 
-def _elsewhere(found: FrequencyResponse) -> FrequencyResponse:
+def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     """Return a response whose errors hold by how much, and how late, flights differ from hovers.
 
-    What feedback shows in records biases no prediction by what the law itself saw.
+    What feedback shows in records biases no prediction by what the law itself saw. Its commands
+    went out as they are logged, each `step`, s: what they last, the last gap, is half of one.
     """
     assert found.scatter is not None
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
     apart = np.multiply.outer([_ELSEWHERE, 1j * _ELSEWHERE], whole)
-    scatter = replace(found.scatter, gap=np.vstack([found.scatter.gap, apart]))
+    half, gap = 0.5j * step * found.frequency * whole, found.scatter.gap
+    lasts = np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
     return replace(
         found,
-        scatter=scatter,
+        scatter=replace(found.scatter, gap=np.stack([*gap[:-1], lasts, *apart])),
         evidence=tuple(
             one
             for one in found.evidence
