@@ -405,7 +405,7 @@ def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     assert found.scatter is not None
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
     apart = np.multiply.outer([_ELSEWHERE, 1j * _ELSEWHERE], whole)
-    half, gap = 0.5j * step * found.frequency * whole, found.scatter.gap
+    half, gap = 0.5j * step * found.frequency * whole, np.asarray(found.scatter.gap)
     lasts = np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
     return replace(
         found,
