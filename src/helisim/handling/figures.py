@@ -75,7 +75,8 @@ class Margins:
     `gain` has (rad/s, dB) at each phase of -180 deg: rise of gain (negative: fall) to -1; `phase`
     (rad/s, rad) at each gain of one: lag (negative: lead) to -1, in [-pi, pi). `open_gain`, dB, is
     that where -180 deg lies outside of the band, extended from its ends; `open_phase`, rad, the
-    phase where the gain is nearest to one (pi if there is a crossing); `crossover`, rad/s, the
+    phase where the gain is nearest to one (pi if there is a crossing); `encircled` is how often the
+    phase falls through -180 deg less how often it rises, |L| above one; `crossover`, rad/s, the
     highest fall of the gain through one, else extended from the nearest point by 20 dB a decade. An
     instability slower than the band, or an unstable open loop that isn't stabilised, isn't seen by
     a response: ask poles.
@@ -85,9 +86,14 @@ class Margins:
     phase: tuple[tuple[float, float], ...]
     open_gain: float
     open_phase: float
-    stable: bool
+    encircled: int
     crossover: float
     crosses: bool
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop encircles -1 by no lag."""
+        return self.encircled <= 0
 
     @property
     def least_gain(self) -> float:
@@ -100,12 +106,6 @@ class Margins:
         """The phase margin, rad, to either side; negative of an unstable loop."""
         size = min(*(abs(value) for _, value in self.phase), self.open_phase, np.pi)
         return size if self.stable else -size
-
-
-def encircled(loop: Curve) -> int:
-    """Return how often the phase falls through -180 deg less how often it rises, |L| above one."""
-    turns = crossings(loop.frequency, np.angle(-loop.response), most=np.pi)
-    return int(np.sum(np.where(turns.rising, -1, 1)[turns.of(loop.decibel) > 0.0]))
 
 
 def margins(loop: Curve) -> Margins:
@@ -130,7 +130,7 @@ def margins(loop: Curve) -> Margins:
         phase=tuple(zip(ones.frequency.tolist(), angles.tolist())),
         open_gain=_open_gain(frequency, decibel, behind),
         open_phase=np.pi if ones.index.size else wide,
-        stable=encircled(loop) <= 0,
+        encircled=int(np.sum(np.where(turns.rising, -1, 1)[sizes > 0.0])),
         crossover=float(
             falling[-1] if falling.size else frequency[top] * 10.0 ** (decibel[top] / 20.0)
         ),

@@ -9,7 +9,7 @@ import numpy as np
 from helisim.base.arrays import Complex, Real
 from helisim.base.linear import Linear
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures import bandwidth, encircled, margins, rejection
+from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval, intervals
 
@@ -94,8 +94,8 @@ class PredictedLoop(ClosedLoop):
         def told(one: ClosedLoop) -> dict[str, float]:
             cut, left = margins(one.broken(axis)), rejection(one.disturbance(axis))
             if self.flew is not None:
-                flown = ClosedLoop(one.plant, self.flew, one.frequency).broken(axis)
-                cut = replace(cut, stable=encircled(one.broken(axis)) <= encircled(flown))
+                flown = margins(ClosedLoop(one.plant, self.flew, one.frequency).broken(axis))
+                cut = replace(cut, encircled=cut.encircled - flown.encircled)
             quick = bandwidth(one.command(axis))
             found = {
                 "crossover": cut.crossover,

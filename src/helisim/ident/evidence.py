@@ -611,8 +611,13 @@ def held(flights: Sequence[FlightRecord], name: str, *, control: bool) -> int:
         ticks = ticks[ticks <= _RESTS * np.median(ticks)]
         usual = round(float(ticks @ ticks / np.sum(ticks)))  # of the one that a sample lies in
         new = np.unique(np.hstack(columns)).size > _REGULAR * runs.size
-        # a control's that lasts longer is a design's
-        every = max(every, usual) if new or (control and usual <= _HELD) else every * (not control)
+        every = (
+            max(every, usual)
+            if new or (control and usual <= _HELD)
+            else 0  # what a control holds longer is a design
+            if control
+            else every
+        )
     steps = max(
         np.mean(np.diff(one[:: every or 1]) ** 2) / (np.var(one) + 1e-300) for one in columns
     )

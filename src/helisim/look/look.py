@@ -189,39 +189,41 @@ def _looked(log: LogLook) -> LogLook:
     said += loops(record, found, rates)
     if not found:
         mute = excited and not {*ANSWERS} & {*record.names}
-        why, remedy = (
+        causes = (
             (
+                closed,
                 f"{' and '.join(closed)} moved as a controller's command does, and no vehicle "
                 "answers it: sweep, or fly by the sticks",
                 "",
-            )
-            if closed
-            else (
+            ),
+            (
+                mute,
                 "no column looks like a rate, an attitude, a velocity or an acceleration: say "
                 "which of those not used is",
                 "p=COLUMN:rad/s",
-            )
-            if mute
-            else (
+            ),
+            (
+                excited
+                and all(
+                    one.kind == "motion" and events(record[one.channel]) < LEAST_EVENTS
+                    for one in excited
+                ),
                 "controls moved in one event, with which all is coherent: sweep, or repeat it",
                 "",
-            )
-            if excited
-            and all(
-                one.kind == "motion" and events(record[one.channel]) < LEAST_EVENTS
-                for one in excited
-            )
-            else (
+            ),
+            (
+                excited,
                 f"nothing answers {' or '.join(one.channel for one in excited)} coherently: sweep "
                 "longer, larger, or in calmer air",
                 "",
-            )
-            if excited
-            else (
+            ),
+            (
+                True,
                 "no control moves, or no column looks like one: say which of those not used is",
                 "lat=COLUMN:percent",
-            )
+            ),
         )
+        why, remedy = next((why, remedy) for is_so, why, remedy in causes if is_so)
         said = [
             LogFinding("missing", why, (Option("channel", remedy),) * bool(remedy)),
             *said,

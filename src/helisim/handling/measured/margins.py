@@ -24,7 +24,7 @@ from helisim.handling.measured.interval import (
     intervals,
 )
 from helisim.ident import CrossControlWarning, RecordQualityWarning
-from helisim.ident.evidence import held as held_for
+from helisim.ident.evidence import held
 from helisim.ident.frf import flights_of, frequency_response
 from helisim.ident.local_fit import flight_lines
 from helisim.ident.scatter import LocalScatter
@@ -38,9 +38,7 @@ _MOST_DRAWS = 20_000
 _LATEST = 10.0  # s, the largest latency of a record
 _FAINT = 1e-4  # share of the largest signal of its place: one that moves less is at rest
 _SWEPT = 0.3  # share of the fastest stick's speed: sticks as fast were swept too
-_NO_SUM = (
-    0.5  # share of what was injected, by which its sum with what comes back may miss the total
-)
+_NO_SUM = 0.5  # share of what was injected, by which it and what comes back may miss the total
 _HELD = 0.1  # share of what was injected: sticks that move more are told
 _GAIN, _PHASE = 0.006, 0.002
 """Standard deviations of a loop's gain, and its phase, rad, in flight from those at trim."""
@@ -548,7 +546,7 @@ def _estimate(
     }
     at_actuators = [name for name in drives if name.removesuffix("_disturbance") in IN1]
     least = min((size[name] for name in at_actuators), default=math.inf)
-    held = [name for name in size if name in IN2 and size[name] > _HELD * least]
+    flown = [name for name in size if name in IN2 and size[name] > _HELD * least]
     remarks += [
         *(
             f"{total} isn't {back} plus {cut.injected}: a sign, a unit, a name or a clock is "
@@ -566,13 +564,13 @@ def _estimate(
             f"{np.degrees(0.5 * band[1] * part[0].sample_time * max(every, 1)):.2g} deg off at "
             f"{band[1]:.3g} rad/s, and in proportion below"
             for name in drives
-            for every in [held_for(part, name, control=True)]
+            for every in [held(part, name, control=True)]
             if every != 1
         ),
         *(
-            f"{', '.join(held)} moved while {', '.join(at_actuators)} did: what a pilot "
+            f"{', '.join(flown)} moved while {', '.join(at_actuators)} did: what a pilot "
             "answers is part of the loop that was measured; for the law's alone keep hands off"
-            for _ in held[:1]
+            for _ in flown[:1]
         ),
     ]
     return found, remarks
