@@ -24,7 +24,7 @@ from helisim.cli.options import (
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
-    from helisim.logs import Log, LogReport, Map
+    from helisim.logs import Log, Map
     from helisim.look import Proposal
     from helisim.records.record import FlightRecord
 
@@ -86,12 +86,15 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
         places = [log.where(name) for log in logs for name in log.headings if repr(name) in text]
         if not places:
             files = grouped((log.report for log in logs), lambda one: str(one.path))
-            places = [f"{path}, {', '.join(map(_span, mine))}" for path, mine in files.items()]
+            places = [
+                f"{path}, "
+                + ", ".join(
+                    f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
+                    for one in mine
+                )
+                for path, mine in files.items()
+            ]
         raise IdentificationError(f"{'; '.join(places)}: {text}", remedy=error.remedy) from None
-
-
-def _span(one: "LogReport") -> str:
-    return f"{one.counts}s {one.parts[0].first_row} to {one.parts[-1].last_row}"
 
 
 def describe(logs: "Sequence[Log]") -> str:

@@ -37,7 +37,7 @@ def reproduce(o: Options) -> int:
 
     from helisim.show.report import write_report
     from helisim.show.terminal import render_comparison, render_results
-    from helisim.study.experiment import flights_in_all, named_records, reproduce
+    from helisim.study.experiment import flights_in_all, reproduce
     from helisim.study.models import MODELS
 
     with progress(flights_in_all(o.flights) + len(MODELS) + 1, o.quiet) as advance:
@@ -59,7 +59,12 @@ def reproduce(o: Options) -> int:
     results = f"{o.out / 'results.json'}, records in {o.out / 'flights'}"
     print_written(o, results, o.out / "report.html")
     if o.rerun is not None:
-        write_recording(o, o.rerun, named_records(run.flights))
+        named = (
+            (f"{axis}_{k + 1:02d}", record)
+            for axis, some in run.flights.items()
+            for k, record in enumerate(some)
+        )
+        write_recording(o, o.rerun, dict(named))
     return 1 if run.results.misses else 0
 
 

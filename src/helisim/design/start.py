@@ -72,7 +72,7 @@ def attitude_start(
             f"{', '.join(lacks)}: identify those axes too, or give a law of the others"
         )
     phase = _phase(plant)
-    turned = _cyclic_rates(plant, _INVERTED) @ _turned(phase)
+    turned = _rates(plant, _INVERTED, ["p", "q"], ["lat", "lon"]) @ _turned(phase)
     (roll, pitch, ahead) = (
         _inverse(one[:, k, k], period)
         for one, k in ((turned, 0), (turned, 1), (_rates(plant, _INVERTED, ["r"], ["ped"]), 0))
@@ -110,7 +110,7 @@ def _axis(kind: str, k_rate: float, rate: float, acceleration: float) -> dict[st
 
 
 def _phase(plant: Linear) -> float:
-    cyclic = _cyclic_rates(plant, _LOOKS)
+    cyclic = _rates(plant, _LOOKS, ["p", "q"], ["lat", "lon"])
     angles = np.radians(np.arange(-90.0, 90.0, 0.5))
 
     def off(angle: float) -> float:
@@ -123,10 +123,6 @@ def _phase(plant: Linear) -> float:
 def _turned(angle: float) -> NDArray[np.float64]:
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, sine], [-sine, cosine]])
-
-
-def _cyclic_rates(plant: Linear, frequency: NDArray[np.float64]) -> Response:
-    return _rates(plant, frequency, ["p", "q"], ["lat", "lon"])
 
 
 def _rates(

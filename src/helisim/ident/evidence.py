@@ -124,7 +124,7 @@ def _feedback(
     parts = [
         (_in_band(one, drive, frf), _in_band(one, frf.outputs, frf) - made, made)
         for one in flights
-        for made in [_predicted(one, frf)]
+        for made in [_filtered(one, frf.inputs, frf, frf.response)]
     ]
     band = float(frf.frequency[0]), float(frf.frequency[-1])
     frequency, numbers = answered(parts, [one.sample_time for one in flights], band, tested)
@@ -355,7 +355,9 @@ def _with_powers(
             cubed[f"{name}'^3"] = np.gradient(u, one.sample_time)
             why[f"{name}'^3"] = f"the cube of {name}'s speed"
             columns[f"{name}_"], why[f"{name}_"] = _in_play(u, _PLAY * u.std()), f"play in {name}"
-        for name, y in zip(frf.outputs, _predicted(one, model).T if model else ()):
+        for name, y in zip(
+            frf.outputs, _filtered(one, model.inputs, model, model.response).T if model else ()
+        ):
             cubed[f"{name}^3"], why[f"{name}^3"] = y, f"the cube of {name}"
         columns |= {name: x * x * x for name, x in cubed.items()}  # x**3 takes fifty times as long
         signals = (*inputs, *frf.outputs)
@@ -376,11 +378,6 @@ def _in_play(u: Real, play: float) -> Real:
         np.diff(u[turns]).tolist(), lambda at, by: min(max(at + by, -play), play), initial=0.0
     )
     return np.clip(u + np.repeat([*at] - u[turns], np.diff(turns, append=u.size)), -play, play)
-
-
-def _predicted(one: FlightRecord, frf: FrequencyResponse) -> Real:
-    """Return the outputs that the response makes of the inputs, in its band, (n_time, n_out)."""
-    return _filtered(one, frf.inputs, frf, frf.response)
 
 
 def _in_band(one: FlightRecord, names: Sequence[str], frf: FrequencyResponse) -> Real:

@@ -74,8 +74,11 @@ class Expression:
                 power = _literal(right)
                 if power is None:
                     raise InputError(f"a power needs a number as exponent in {self.text!r}")
-                slope = partial(_slope_of_power, power=power)
-                return _applied(partial(_power, power=power), slope, compiled(left))
+                return _applied(
+                    partial(_power, power=power),
+                    lambda base: power * _power(base, power - 1.0),
+                    compiled(left),
+                )
             case ast.BinOp(left=left, op=ast.Add(), right=right):
                 return _plus(compiled(left), compiled(right))
             case ast.BinOp(left=left, op=ast.Sub(), right=right):
@@ -134,10 +137,6 @@ def _power(base: float, power: float) -> float:
     if base < 0.0 and not power.is_integer():
         raise ValueError("a fractional power of a negative number")
     return base**power
-
-
-def _slope_of_power(base: float, power: float) -> float:
-    return power * _power(base, power - 1.0)
 
 
 def _scaled(slopes: dict[int, Form], factor: Form) -> dict[int, Form]:

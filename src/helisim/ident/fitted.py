@@ -93,15 +93,11 @@ class FittedParameter(Value):
         return 100.0 * part / abs(self.value) if self.value else math.inf
 
     @property
-    def _spread(self) -> float:
-        return max(self.cramer_rao, 2.0 * self.standard_error)
-
-    @property
     def poorly_identified(self) -> bool:
         """Whether CR or 2 standard errors exceed 20 %, or the insensitivity 10 %, of the value."""
         return not self.fixed and (
             self.degenerate
-            or self._percent(self._spread) > CRAMER_RAO_LIMIT
+            or self._percent(max(self.cramer_rao, 2.0 * self.standard_error)) > CRAMER_RAO_LIMIT
             or self.insensitivity_percent > INSENSITIVITY_LIMIT
         )
 
@@ -112,7 +108,7 @@ class FittedParameter(Value):
             return "fixed"
         if not math.isfinite(self.insensitivity):
             return "not seen"
-        if self.degenerate or not math.isfinite(self._spread):
+        if self.degenerate or not math.isfinite(self.cramer_rao + self.standard_error):
             return "degenerate"
         if self.at_bound:
             return "at bound"

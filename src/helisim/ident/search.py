@@ -97,7 +97,8 @@ def agreed(found: Sequence[Minimum], delays: "Delays") -> tuple[Minimum, int]:
 
 def descend(cost: Cost, start: Start) -> Minimum:
     """Descend from a start to a minimum of J: first by relative errors, then by J."""
-    best = Minimum(_approach(cost, start.x, _APPROACH_STEPS), math.inf, False, start)
+    rough = cost.limits, cost.relative, cost.relative_jacobian, start.x
+    best = Minimum(minimum(*rough, 1e-4, 1e-8, _APPROACH_STEPS).x, math.inf, False, start)
     for unwrap in (True, False):
         end = minimum(cost.limits, partial(cost.log, unwrap=unwrap), cost.log_jacobian, best.x)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
@@ -113,10 +114,6 @@ def refine(cost: Cost, best: Minimum) -> Minimum:
     end = minimum(cost.limits, cost.standardised, cost.standardised_jacobian, best.x)
     wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
     return Minimum(end.x, wrapped, best.converged and end.status > 0, best.start)
-
-
-def _approach(cost: Cost, x: Real, steps: int) -> Real:
-    return minimum(cost.limits, cost.relative, cost.relative_jacobian, x, 1e-4, 1e-8, steps).x
 
 
 def minimum(
@@ -151,7 +148,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
     form = rational_form(cost.structure)
     direct = [] if form is None else _rational_starts(cost, form)
     yield from direct[:count]
-    taken: list[Real] = []
+    taken, rough = list[Real](), (cost.limits, cost.relative, cost.relative_jacobian)
 
     def solved(x: Real) -> Start:
         x = np.clip(x, *cost.limits)
@@ -170,7 +167,9 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
         else:  # a race: the slower half drops out at each lap
             crowd = [solved(scattered(cost.structure, random, _FLIPPED)) for _ in range(_CROWD)]
             while len(crowd) > 1:
-                crowd = [Start(_approach(cost, one.x, _LAP), one.delays) for one in crowd]
+                crowd = [
+                    Start(minimum(*rough, one.x, 1e-4, 1e-8, _LAP).x, one.delays) for one in crowd
+                ]
                 crowd = sorted(crowd, key=distance)[: len(crowd) // 2]
             best = crowd[0]._replace(chosen=True)
         taken.append(best.delays)

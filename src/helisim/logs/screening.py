@@ -165,7 +165,15 @@ def _sizes(channels: Channels, pairs: Mapping[tuple[str, str], "Likeness"]) -> I
         elif (
             name in LARGEST
             and _in_degrees(name, values, channels.step, largest)
-            and not _counts_turns(name, channels, pairs)
+            # beyond half a turn as the angle's rate, which isn't in deg/s, says
+            and not any(
+                (one, ANGLES[one]) == (other, name)
+                and like.sure
+                and not like.off
+                and not _in_degrees(one, rate, channels.step, float(np.max(np.abs(rate))))
+                for (one, other), like in pairs.items()
+                for rate in [channels.columns[one]]
+            )
         ):
             unit = "deg/s" if name in RATES else "deg"
             yield LogFinding(
@@ -182,20 +190,6 @@ def _in_degrees(name: str, values: Real, step: float, largest: float) -> bool:
     angle = np.fft.rfft(values - np.mean(values))[omega > _SLOWEST] / omega[omega > _SLOWEST]
     swing = float(np.sqrt(2.0 * np.sum(np.abs(angle) ** 2)) / values.size)
     return name in RATES and values.size >= _LONG and _WIDE < swing <= _WIDE / RAD_PER_DEG
-
-
-def _counts_turns(
-    name: str, channels: Channels, pairs: Mapping[tuple[str, str], "Likeness"]
-) -> bool:
-    """Return whether an angle goes beyond half a turn as its rate, which isn't in deg/s, says."""
-    return any(
-        (one, ANGLES[one]) == (other, name)
-        and like.sure
-        and not like.off
-        and not _in_degrees(one, values, channels.step, float(np.max(np.abs(values))))
-        for (one, other), like in pairs.items()
-        for values in [channels.columns[one]]
-    )
 
 
 def _gravity(channels: Channels) -> Iterator[LogFinding]:

@@ -62,8 +62,12 @@ class TimeTable(Source):
 
     def _time_column(self, time: Clock | None) -> tuple[str, str]:
         likely = [name for name in self.names if split_heading(name)[0].lower() in TIME_NAMES]
-        likely = likely or [name for name in self.names if self._unit(name) == DATES]
-        likely = likely or [name for name in self.names if _said_time(name)]
+        says = {name: TIME_LIKE.fullmatch(split_heading(name)[0].lower()) for name in self.names}
+        likely = (
+            likely
+            or [name for name in self.names if self._unit(name) == DATES]
+            or [name for name, one in says.items() if one]
+        )
         clock = time or Clock(likely[0] if len(likely) == 1 else "")
         try:
             if not clock.column:
@@ -73,7 +77,7 @@ class TimeTable(Source):
                     f"{', '.join(map(repr, self.names[:60]))}"
                 )
             name = find_column(clock.column, self.names, "column of time")
-            said, ending = _said_time(name), name.lower().rpartition("_")[2]
+            said, ending = says[name], name.lower().rpartition("_")[2]
             known = ending if ending in TIME_UNITS else None
             stated = clock.unit or self._unit(name) or (said and said[3]) or known
             return name, time_unit(stated) if stated else self._unit_by_steps(name)
@@ -254,10 +258,6 @@ class TextLog(TimeTable):
             )
         if not cells:
             raise StorageError(f"{self.path}: no numbers below the header")
-
-
-def _said_time(name: str) -> re.Match[str] | None:
-    return TIME_LIKE.fullmatch(split_heading(name)[0].lower())
 
 
 def _is_number(text: str) -> bool:

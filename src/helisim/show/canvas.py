@@ -57,12 +57,8 @@ def _heights(drawing: Drawing) -> list[float]:
     return [one.height + _BETWEEN + _ROW * max(0, _rows(one) - 1) for one in drawing.panels]
 
 
-def _labels(panel: Panel) -> int:
-    return sum(bool(one.label) for one in panel.marks)
-
-
 def _rows(panel: Panel) -> int:
-    return math.ceil(_labels(panel) / _BESIDE)
+    return math.ceil(sum(bool(one.label) for one in panel.marks) / _BESIDE)
 
 
 def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
@@ -76,7 +72,7 @@ def _draw(axes: Sequence[Any], drawing: Drawing) -> None:
         ax.set_ylim(panel.scale.low, panel.scale.high)
         if panel.threshold is not None:
             ax.axhline(panel.threshold, color=COLOURS["frame"], linewidth=0.7, linestyle=":")
-        labels = _labels(panel)
+        labels = sum(bool(one.label) for one in panel.marks)
         if labels:
             ax.legend(
                 ncols=min(labels, _BESIDE),

@@ -186,7 +186,7 @@ def draw_loops(name: str, title: str, curves: Mapping[str, Curve]) -> Drawing:
     phases: list[Mark] = []
     other: tuple[Real, Real] | None = None
     for k, (label, curve) in enumerate(curves.items()):
-        omega, ink = curve.frequency, _look(label, k)[1]
+        omega, ink = curve.frequency, LOOKS.get(label, _OTHERS[k % len(_OTHERS)])[1]
         gain, phase = decibels(curve.response), beside(omega, curve.response, other)
         other = other or (omega, phase)
         if isinstance(curve, MeasuredCurve):
@@ -210,15 +210,11 @@ def draw_loops(name: str, title: str, curves: Mapping[str, Curve]) -> Drawing:
     return Drawing(name, title, "", panels, "frequency, rad/s", logarithmic=True)
 
 
-def _look(label: str, place: int) -> Look:
-    return LOOKS.get(label, _OTHERS[place % len(_OTHERS)])
-
-
 def _points(
     one: Shown, place: int, axes: Sequence[_Axis], row: float
 ) -> Iterator[tuple[int, Mark]]:
     """Yield layer and mark: a cloud, intervals on it, and the rating on top."""
-    kind, ink, width = _look(one.label, place)
+    kind, ink, width = LOOKS.get(one.label, _OTHERS[place % len(_OTHERS)])
 
     def at(figures: Mapping[str, float]) -> list[float]:
         return [*(axis.clipped(figures[axis.figure]) for axis in axes), row][:2]

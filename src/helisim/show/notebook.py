@@ -114,18 +114,6 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
     )
 
 
-def _verification_page(verification: Verification) -> tuple[str, ...]:
-    return (
-        "Verification",
-        paragraph(
-            f"Theil's coefficient {verification.tic:.3f}: "
-            f"{'' if verification.acceptable else 'not '}acceptable."
-        ),
-        page.table(tables.verification({"": verification.figures})),
-        page.figures(draw_verifications("", verification)[:_FEW]),
-    )
-
-
 def _results_page(results: Results) -> tuple[str, ...]:
     missed = results.misses
     judged = f"{len(missed)} tolerance(s) missed" if missed else "all tolerances hold"
@@ -138,23 +126,26 @@ def _results_page(results: Results) -> tuple[str, ...]:
     )
 
 
-def _design_page(result: DesignResult) -> tuple[str, ...]:
-    return (
-        "Design of a control law",
-        page.block(tables.design(result)),
-        page.bullets(result.misses),
-        page.figures(_judged(result)),
-    )
-
-
 _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
     "FlightRecord": _record_page,
     "FrequencyResponse": _response_page,
     "Fit": _fit_page,
-    "Verification": _verification_page,
+    "Verification": lambda one: (
+        "Verification",
+        paragraph(
+            f"Theil's coefficient {one.tic:.3f}: {'' if one.acceptable else 'not '}acceptable."
+        ),
+        page.table(tables.verification({"": one.figures})),
+        page.figures(draw_verifications("", one)[:_FEW]),
+    ),
     "Results": _results_page,
     "Run": lambda run: _results_page(run.results),
-    "DesignResult": _design_page,
+    "DesignResult": lambda result: (
+        "Design of a control law",
+        page.block(tables.design(result)),
+        page.bullets(result.misses),
+        page.figures(_judged(result)),
+    ),
 }
 """Pages by type name; types aren't imported here."""
 

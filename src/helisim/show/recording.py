@@ -195,10 +195,6 @@ def _meshes(
     )
 
 
-def _is_posed(record: FlightRecord) -> bool:
-    return all(name in record for name in (*ATTITUDES, *POSITIONS))
-
-
 def _send(recording: rr.RecordingStream, entity: str, time: Real, columns: Any) -> None:
     stamps = rr.TimeColumn(TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
     recording.send_columns(entity, indexes=[stamps], columns=columns)
@@ -225,7 +221,7 @@ def _log_flight(
         times, texts = zip(*sorted(reached["phases"]))
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts))
         _send(recording, f"{root}/log", np.array(times), columns)
-    if _is_posed(record):
+    if {*ATTITUDES, *POSITIONS} <= {*record.names}:
         _log_space(recording, f"{root}/world", seen, parts)
 
 
@@ -326,7 +322,7 @@ def _tab(name: str, record: FlightRecord) -> View:
         rrb.Vertical(*more, name="more"),
         active_tab=0 if motion else 1,
     )
-    if not _is_posed(record):
+    if not {*ATTITUDES, *POSITIONS} <= {*record.names}:
         return rrb.Horizontal(signals, name=name)
     place = record.select(POSITIONS)[0].tolist()
     space = rrb.Spatial3DView(

@@ -445,7 +445,7 @@ def design(result: DesignResult) -> Table:
                 (
                     *(criterion.word, _called(name, criterion), _for_people(limit.level1, unit)),
                     *(_for_people(each and each.figures.get(name), unit) for each in ratings),
-                    *(_degrees(unit), level, number(100.0 * one.share, _FIGURE)),
+                    *("deg" if unit == "rad" else unit, level, number(100.0 * one.share, _FIGURE)),
                 )
             )
     return table(
@@ -488,7 +488,7 @@ def _proved(one: ComparedCriterion, name: str, before: Rating | None) -> tuple[s
     rated = one.flown or one.exact
     return (
         *(criterion.word, criterion.name.replace("_", " "), _called(name, criterion)),
-        _degrees(unit),
+        "deg" if unit == "rad" else unit,
         *(_for_people(value, unit) for value in known[:2]),
         *(_for_people(value, unit, form) for value in known[2:]),
         *(half, "-" if rated is None else f"Level {rated.level}"),
@@ -509,7 +509,3 @@ def _for_people(value: float | None, unit: str, form: str = _FIGURE) -> str:
 
 def _scale(unit: str) -> float:
     return RAD_PER_DEG if unit == "rad" else 1.0
-
-
-def _degrees(unit: str) -> str:
-    return "deg" if unit == "rad" else unit

@@ -153,7 +153,7 @@ def _simulated(
     trim = start_trim(vehicle, first.speed)
     # new memory for each flight would cost a fifth of the time: the threads wait for its pages
     size = mujoco.mj_stateSize(grounded, _PHYSICS)
-    rows = _step_count(plan, grounded) if plan.mission is None else 0
+    rows = round(plan.duration / grounded.opt.timestep) + 1 if plan.mission is None else 0
     buffers = [np.empty((1, rows, size)) for _ in range(min(threads, len(numbers)))]
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
@@ -190,7 +190,8 @@ def fly_from(
     The model is `prepare`d; start, (n_state,), added, (n_step, n_injection), and state, (1, n_step,
     n_state), are as for `roll`. Raises DivergedError if no sample is within the envelope.
     """
-    count, script, who = _step_count(plan, model), None, f"controller {vehicle.controller.name!r}"
+    count = round(plan.duration / model.opt.timestep) + 1
+    script, who = None, f"controller {vehicle.controller.name!r}"
     with vehicle.controller.flying(model) as failed:
         if plan.mission is None:
             sensordata = roll(model, start, count, added=added, state=state)
@@ -221,10 +222,6 @@ def fly_from(
     if kept == 0:
         raise end.error()
     return replace(flight.rows(slice(kept)), end=end)
-
-
-def _step_count(plan: FlightPlan, model: mujoco.MjModel) -> int:
-    return round(plan.duration / model.opt.timestep) + 1
 
 
 def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:

@@ -86,7 +86,8 @@ def fly_script(
             if not flown.done:
                 alive()
                 raise AutopilotError(
-                    f"ArduPilot sent no frame for {_PATIENCE:g} s{_last_text(pilot)}"
+                    f"ArduPilot sent no frame for {_PATIENCE:g} s"
+                    + "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:])
                 )
         except BaseException:
             if log is not None and autopilot.log is not None:
@@ -101,10 +102,6 @@ def fly_script(
             written = DataFlash(Path(log))
             lost = int(written.table("DSF")["Dp"][-1]) if "DSF" in written else 0
         return Flight(served, tuple(pilot.telemetry.said), lost)
-
-
-def _last_text(pilot: Pilot) -> str:
-    return "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:])
 
 
 class _Flown:
@@ -148,7 +145,8 @@ def _whole(script: Script, pilot: Pilot, autopilot: Autopilot) -> Steps:
             size, since = now, pilot.time
         yield
     if failed is not None:
-        raise AutopilotError(f"{failed}{_last_text(pilot)}", remedy=failed.remedy) from failed
+        last = "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:])
+        raise AutopilotError(f"{failed}{last}", remedy=failed.remedy) from failed
 
 
 def hover(pilot: Pilot) -> Steps:

@@ -288,13 +288,6 @@ def _fly_doublets(
     return records
 
 
-def named_records(flights: Mapping[str, Sequence[FlightRecord]]) -> dict[str, FlightRecord]:
-    """Return all kept records by a name such as "lat_01"."""
-    return {
-        f"{axis}_{k + 1:02d}": record for axis in AXES for k, record in enumerate(flights[axis])
-    }
-
-
 def sweeps_of(source: Source) -> Flights:
     """Return sweeps by axis, without other records and flights that ended early.
 

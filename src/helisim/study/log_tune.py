@@ -510,10 +510,6 @@ def _named(axis: str, gains: Gains) -> dict[str, float]:
     }
 
 
-def _four_digits(_: str, gains: Gains) -> Gains:
-    return Gains(*(float(f"{one:.4g}") for one in gains))
-
-
 def searched(
     plants: Sequence[Linear],
     law: Callable[[Mapping[str, Gains]], Any],
@@ -523,7 +519,9 @@ def searched(
     moves: Mapping[str, Real],
     *,
     ahead: Mapping[str, float] | None = None,
-    rounded: Callable[[str, Gains], Gains] = _four_digits,
+    rounded: Callable[[str, Gains], Gains] = lambda _, one: Gains(
+        *(float(f"{x:.4g}") for x in one)
+    ),
     held: Mapping[str, Real] | None = None,
     slopes: Mapping[str, Iterable[float]] | None = None,
 ) -> tuple[dict[str, Gains], dict[str, dict[str, Interval]], dict[str, str]]:

@@ -27,11 +27,9 @@ from helisim.physics.laws import (
     is_native,
 )
 from helisim.physics.layout import (
-    FIRST_LAW_STATE,
     NO_LAW,
     PARAM,
     SHIPPED_LAW,
-    STATE,
     SWASH_STATES,
     TAIL_STATES,
     WITHOUT_LAWS,
@@ -158,15 +156,6 @@ class Controller(Value):
             return counts["all"], 0
         swash = counts.get("swash", SWASH_STATES if self.swash == SHIPPED else 0)
         return swash, counts.get("tail", TAIL_STATES if self.tail == SHIPPED else 0)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """The names of all its states, those of the shipped gyro by what they are."""
-        return (
-            STATE._fields[FIRST_LAW_STATE:]
-            if self.is_shipped
-            else tuple(f"law_{k}" for k in range(sum(self.state_counts)))
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a record says of it: name, laws with a digest of their source, settings."""

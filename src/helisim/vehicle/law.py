@@ -15,7 +15,7 @@ from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
 from helisim.physics.gyro import Seen, cyclic_law, yaw_law
 from helisim.physics.laws import Called
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR, STATE
 from helisim.records.record import IN1, IN2, RATES
 from helisim.vehicle.addresses import addresses
 from helisim.vehicle.controller import GYRO, SHIPPED, Controller
@@ -44,7 +44,10 @@ def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> 
     kept = [k for k, name in enumerate(inputs) if name in always or slopes[:, n + k].any()]
     a, b = slopes[:, :n], slopes[:, [n + k for k in kept]]
     period, names = float(law.par[PARAM.gyro_period]), tuple(inputs[k] for k in kept)
-    return LinearSystem(a[:n], b[:n], a[n:], b[n:], period, names, IN1, controller.state_names)
+    return LinearSystem(
+        *(a[:n], b[:n], a[n:], b[n:], period, names, IN1),
+        STATE._fields[FIRST_LAW_STATE:] if shipped else tuple(f"law_{k}" for k in range(n)),
+    )
 
 
 def trimmed_sticks(controller: Controller, model: mujoco.MjModel, trim: Trim) -> tuple[float, ...]:
@@ -76,7 +79,10 @@ class _Stepper:
         }
         own = [(Called(law), *parts[law.place]) for law in controller.laws]
         self._parts: list[tuple[Callable[..., list[float]], slice, slice]] = [*own]
-        shipped = {"swash": self._cyclic, "tail": self._yaw}
+        shipped: dict[str, Callable[..., list[float]]] = {
+            "swash": lambda seen, state, **_: [*cyclic_law(seen, state, self.par), 0.0],
+            "tail": lambda seen, state, **_: [0.0, 0.0, 0.0, yaw_law(seen, state, self.par)],
+        }
         for name, law in shipped.items() if controller.law is None else ():
             if getattr(controller, name) == SHIPPED:
                 self._parts.append((law, *parts[name]))
@@ -91,12 +97,6 @@ class _Stepper:
         for law, states, servos in self._parts:
             commands[servos] = law(seen, state[states], starts=starts)[servos]
         return commands
-
-    def _cyclic(self, seen: Seen, state: NDArray[np.float64], **_: bool) -> list[float]:
-        return [*cyclic_law(seen, state, self.par), 0.0]
-
-    def _yaw(self, seen: Seen, state: NDArray[np.float64], **_: bool) -> list[float]:
-        return [0.0, 0.0, 0.0, yaw_law(seen, state, self.par)]
 
 
 def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
