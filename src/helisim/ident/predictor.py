@@ -5,25 +5,30 @@ Identification: Theory for the User, 2nd ed., 1999, ch. 7 and 13). What a gust b
 have come back into u before t: feedback by a law, or by a pilot who answers gusts, biases nothing
 as long as the lags are enough to foresee gusts. Lags are single ones, then means over wider ones.
 
-A servo at its limit of speed lags the more, the larger the command. The cube of each input's speed
-is one more input, over short lags, so that H is the response to small motion, where that predicts
-better by more than chance (G. Schwarz, Ann. Statist. 6, 1978): where nothing is at a limit, cubes
-take jumps, which tell most, for one. A cube is not all of such a limit: what it moves the response
-by is one more error, with cubes and without. Accelerations answer a jump at once, wherever it lies
-between two samples here, which cubes would take for a limit: theirs is without cubes.
+H is the response to small motion: what a servo at its limit of speed, or a tail whose thrust isn't
+as its pitch, does beside is predicted by powers over short lags, of each input's speed (the cube)
+and of its size (square and cube). One after the other is taken, the best first, where that predicts
+better by more than chance (G. Schwarz, Ann. Statist. 6, 1978): where nothing is at a limit, powers
+take jumps, which tell most, for one. No such limit is a power: what the last one that is taken
+moves the response by, or the best one if none is, is one more error. Accelerations answer a jump at
+once, wherever it lies between two samples here, which cubes would take for a limit: theirs is
+without powers.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from helisim.base.arrays import Complex, Real
 from helisim.ident.local import Local
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
 from helisim.records.record import ACCELERATIONS
 
 # rad of the band's top between samples, where accelerations answer; of its lower edge in all lags
 _TICK, _AT_ONCE, _MEMORY = 0.45, 0.3, 4.0
-# Lags until their means grow wider, by a factor of e in as many; s, for which a servo may be late
+# Lags until their means grow wider, by a factor of e in as many; s of powers, for which a servo may
+# be late
 _SINGLE, _SLEWS = 5.0, 0.12
 
 
@@ -42,53 +47,68 @@ class Predictor(Local):
         jumps = bool({*outputs} & {*ACCELERATIONS})
         longest = max(one.sample_time for one in self._records)
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
-        count = _SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE))
-        edges = np.rint(_SINGLE * np.sinh(np.arange(count + 1.0) / _SINGLE)).astype(np.intp)
-        wide, slow, parts, told = np.diff(edges), edges[1:] * tick <= _SLEWS, [], []
+        count = np.arange(_SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE)) + 1.0)
+        edges = np.rint(_SINGLE * np.sinh(count / _SINGLE)).astype(np.intp)
+        wide, slow, parts = np.diff(edges), edges[1:] * tick <= _SLEWS, []
         for one in self._records:
             size = max(round(tick / one.sample_time), 1)
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
             mean = values.mean(axis=1) - values.mean(axis=(0, 1))
-            speed = np.diff(mean[:, n_out:], axis=0, prepend=mean[:1, n_out:])
-            total = np.cumsum(np.pad(np.hstack([mean, speed**3]), ((1, 0), (0, 0))), axis=0)
-            at = np.arange(edges[-1], len(mean))
+            moved, at = mean[:, n_out:], np.arange(edges[-1], len(mean))
+            cubes = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
+            total = np.cumsum(np.pad(np.hstack([mean, *cubes]), ((1, 0), (0, 0))), axis=0)
             before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
-            parts.append(
-                np.hstack(
-                    [
-                        before[:, :, : len(names)].reshape(at.size, -1),
-                        before[:, slow, len(names) :].reshape(at.size, -1),
-                        mean[at, :n_out],
-                    ]
-                )
+            powers = before[:, slow, len(names) :].swapaxes(1, 2)
+            lines = before[:, :, : len(names)], powers, mean[at, :n_out]
+            parts.append(np.hstack([some.reshape(at.size, -1) for some in lines]))
+        samples, linear = sum(map(len, parts)), wide.size * len(names)
+        upper = np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))  # all that is needed
+        columns, now = np.split(np.arange(upper.shape[1]), [-n_out])
+
+        def told(*powers: NDArray[np.intp]) -> tuple[float, Real, Real]:
+            """Return a criterion, the less the likelier, and the triangle of some powers."""
+            some = np.concatenate([columns[:linear], *powers])
+            own = np.asarray(np.linalg.qr(upper[:, [*some, *now]], mode="r"))
+            rest = own[some.size :, some.size :]
+            return (
+                samples * np.linalg.slogdet(rest.T @ rest)[1] + n_out * some.size * np.log(samples),
+                *(own[:, : some.size], own[:, some.size :]),
             )
-        rows, now = np.split(np.concatenate(parts), [-n_out], axis=1)
-        turn, linear = np.exp(-1j * tick * omega)[:, None], wide.size * len(names)
+
+        cubes, *sizes = columns[linear:].reshape(3, len(names) - n_out, -1)
+        path, chosen = [told()], list[NDArray[np.intp]]()
+        left = [] if jumps or samples <= upper.shape[1] else [*cubes, *np.hstack(sizes)]
+        while left:
+            more = [told(*chosen, one) for one in left]
+            best = min(range(len(left)), key=lambda k: more[k][0])
+            if more[best][0] >= path[-1][0]:
+                path.insert(0, more[best])
+                break
+            path.append(more[best])
+            chosen.append(left.pop(best))
+        turn = np.exp(-1j * tick * omega)[:, None]
         lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
-        for some in (rows, rows[:, :linear]):
-            unit = 1.0 / (some.std(axis=0) + 1e-300)
-            left, size, right = np.linalg.svd(some * unit, full_matrices=False)
+
+        def solved(known: Real, last: Real) -> tuple[Complex, Complex, Real, Real]:
+            """Return responses, (n_freq, n_out, n_in), what a triangle leaves, and its root."""
+            unit = 1.0 / (np.linalg.norm(known, axis=0) + 1e-300)
+            turned, size, right = np.linalg.svd(known * unit, full_matrices=False)
             root = (unit[:, None] * right.T / np.maximum(size, 1e-9 * size[0]))[:linear]
-            kernel = np.einsum(
-                "fw,wso->fos", lag, (root @ (left.T @ now)).reshape(wide.size, len(names), n_out)
-            )
+            seen = turned.T @ last
+            kernel = np.einsum("fw,wso->fos", lag, (root @ seen).reshape(-1, len(names), n_out))
             inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
-            rest, free = now - left @ (left.T @ now), len(rows) - some.shape[1]
-            told.append(
-                (
-                    len(rows) * np.linalg.slogdet(rest.T @ rest)[1]
-                    - n_out * free * np.log(len(rows)),  # the less, the likelier
-                    inverse @ kernel[:, :, n_out : n_out + len(inputs)],
-                    *(inverse, root, rest, free),
-                )
-            )
-        (_, whole, inverse, root, rest, free), (_, other, *_) = (
-            told[::-1] if jumps or told[1][0] < told[0][0] else told
-        )
+            whole = inverse @ kernel[:, :, n_out : n_out + len(inputs)]
+            return whole, inverse, root, last - turned @ seen
+
+        (other, *_), (whole, inverse, root, rest) = (solved(*one[1:]) for one in (path * 2)[-2:])
         own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
-        noise = inverse @ (rest.T @ rest * (tick / np.pi / free)) @ inverse.conj().swapaxes(1, 2)
+        noise = (
+            inverse
+            @ (rest.T @ rest * (tick / np.pi / (samples - path[-1][1].shape[1])))
+            @ inverse.conj().swapaxes(1, 2)
+        )
         response, first = np.moveaxis(whole, 0, 2), np.zeros(1, dtype=np.intp)
         still = np.zeros(response.shape)
         scatter = LocalScatter(

@@ -44,24 +44,21 @@ from helisim.study.log_tune import (
 
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
-# rms of the relative difference of a flight's responses from those of the hover: 1.4 % in light
-# turbulence at up to 4 m/s, half of it without (scripts/proof/rotorflight_study.py); heave's, too
+# rms of the relative difference between a flight's responses and the mean of those along it, as
+# sticks move most in some of it (scripts/proof/rotorflight_study.py)
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
 _ELSEWHERE, _WIDE = 0.015, 4.0
-# The collective moves the nose, and by precompensation the pedals. Pilots answer gusts by cyclic,
-# hardly by pedals, whose command knows the rate better than a gyro in whole deg/s. Gusts hide how
-# a speed flaps back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
+# The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
+# back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
     (
         structures.rollpitch_speeds.with_fixed(
             {"A_u": 0.003, "A_v": 0.0}, {"A_u": 0.002, "A_v": 0.007}
         ),
         ("ped", "col"),
-        ("none",),
-        "predictor",
     ),
-    (structures.yaw_alone, ("lat", "lon", "col"), IN2, "local"),
-    (structures.heave_imu, ("lat", "lon", "ped"), ("none",), "predictor"),
+    (structures.yaw_alone, ("lat", "lon", "col")),
+    (structures.heave_imu, ("lat", "lon", "ped")),
 )
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
@@ -206,10 +203,6 @@ def _numbers(log: Blackbox, name: str, count: int) -> list[float]:
     return found
 
 
-def _opened(path: Path) -> Blackbox:
-    return open_blackbox(path, file_digest(path), None)
-
-
 def command_of(axis: str, name: str) -> float:
     """Return the command, rad, of one of a gain by 1 rad/s (P, F), 1 rad (I) or 1 rad/s^2 (D)."""
     return math.degrees(
@@ -228,14 +221,13 @@ def tune_blackbox(
 ) -> LogTuning:
     """Return a Rotorflight helicopter's loops and better gains, from Blackbox logs of its flights.
 
-    Models from the mixer's commands to the gyro are identified so that feedback and gusts don't
-    bias them: yaw with the setpoints as reference, roll and pitch by prediction. Figures are those
-    from 2 rad/s on: what is slower the pilot holds. Gains and filters are the header's, or those of
-    `dump`, a file of `diff all` on the command line. Better gains are as of `tune_log`. Raises
-    StorageError, LogError, IdentificationError or InputError.
+    Models from the mixer's commands to the gyro are identified by prediction, which feedback and
+    gusts don't bias. Figures are those from 2 rad/s on: what is slower the pilot holds. Gains and
+    filters are the header's, or those of `dump`, a file of `diff all` on the command line. Better
+    gains are as of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
-    first = _opened(paths[0])
+    first, *rest = (open_blackbox(one, file_digest(one), None) for one in paths)
     told = None if dump is None else read_dump(dump)
     law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
     period = 1e-6 * math.prod(
@@ -255,9 +247,9 @@ def tune_blackbox(
         )
     records = [record for one in paths for record in read_log(one).records]
     remarks += _droops(records)
-    if others := [one for one in paths[1:] if law_of_log(_opened(one), told) != law]:
+    if others := [one.path.name for one in rest if law_of_log(one, told) != law]:
         raise LogError(
-            f"{', '.join(one.name for one in others)}: other gains or filters than in "
+            f"{', '.join(others)}: other gains or filters than in "
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
     law = law_of_log(first, told, float(np.mean(np.concatenate([one["col"] for one in records]))))
@@ -305,7 +297,9 @@ def tune_blackbox(
         loops = {"today": ClosedLoop(plant, today).broken(axis)}
         shown = _seen(stays[axis], loops["today"], f"{axis_of(axis).word} today", remarks)
         if axis in wrong:
-            shown = {name: _about(figure.value) for name, figure in shown.items()}
+            shown = {
+                name: Interval(figure.value, math.nan, math.nan) for name, figure in shown.items()
+            }
         one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
         if axis in gains:
             changes = _changes(
@@ -354,7 +348,7 @@ def _models(
             if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
         )
 
-    for own, others, reference, estimator in _FITS:
+    for own, others in _FITS:
         if motor_tail and "ped" in own.inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
@@ -368,9 +362,11 @@ def _models(
             )
             continue
         try:
-            channels = own.inputs, own.outputs, moving(*others), moving(*reference) or reference
+            asked = InferredFit(
+                own.name, own.inputs, own.outputs, moving(*others), ("none",), _BAND, ""
+            )
             estimate = _elsewhere(
-                estimate_fits(records, [InferredFit(own.name, *channels, _BAND, "")], estimator)[0],
+                estimate_fits(records, [asked], "predictor")[0],
                 max(one.sample_time for one in records),
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
@@ -397,7 +393,7 @@ def _models(
 
 
 def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
-    """Return a response whose errors hold by how much, and how late, flights differ from hovers.
+    """Return a response whose errors hold by how much, and how late, flights differ.
 
     What feedback shows in records biases no prediction by what the law itself saw. Its commands
     went out as they are logged, each `step`, s: what they last, the last gap, is half of one.
@@ -410,11 +406,7 @@ def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     return replace(
         found,
         scatter=replace(found.scatter, gap=np.stack([*gap[:-1], lasts, *apart])),
-        evidence=tuple(
-            one
-            for one in found.evidence
-            if found.estimator != "predictor" or one.kind != "feedback"
-        ),
+        evidence=tuple(one for one in found.evidence if one.kind != "feedback"),
     )
 
 
@@ -464,12 +456,7 @@ def _seen(
         f"{whose}: the gain margin is about {abs(size):.0f} dB by the models alone, as it lies at "
         f"{nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which flights tell them"
     )
-    return {**figures, "gain_margin": _about(abs(size))}
-
-
-def _about(value: float) -> Interval:
-    """Return a figure whose error nothing tells."""
-    return Interval(value, math.nan, math.nan)
+    return {**figures, "gain_margin": Interval(abs(size), math.nan, math.nan)}
 
 
 def _settings(axis: str, gains: Gains) -> dict[str, float]:
