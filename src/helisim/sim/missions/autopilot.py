@@ -32,6 +32,7 @@ _TILT, _TURN = 0.5, 1.5
 """rad, of roll and pitch at most; rad/s, of their rates."""
 _YAW_SHARE = 0.8  # of the yaw rate of a full pedal, that is asked for at most
 _END = 0.5  # where a stick stops, unitised
+_THUMB = 0.08  # s, in which a thumb moves a stick
 _SETTLES, _MIXING = 8, 0.5
 """Rounds of the induced velocity; least flow through the disc, over the hover's induced one."""
 _TOUCH_DOWN, _LAST_METRE = 0.5, 1.0  # m/s, of sinking through the last metre of a landing
@@ -317,10 +318,12 @@ class Autopilot:
     def push(self, axis: str, by: float, seconds: float) -> Iterator[None]:
         """Push a stick, "col", "lon", "lat" or "ped", unitised, for some seconds, then let go.
 
-        After a push of the pedals it holds the heading that it then has.
+        It moves as fast as a thumb does. After a push of the pedals it holds the heading that it
+        then has.
         """
-        self.wanted.pushed = tuple(by if one == axis else 0.0 for one in AXES)
-        for _ in self.hold(seconds):
+        for number, _ in enumerate(self.hold(seconds + _THUMB)):
+            moves = min(number * self.seconds, seconds + _THUMB - number * self.seconds, _THUMB)
+            self.wanted.pushed = tuple(by * moves / _THUMB if one == axis else 0.0 for one in AXES)
             if axis == "ped":
                 self.wanted.heading = self.seen.motion.psi
             yield
