@@ -50,12 +50,8 @@ def at_moments(vehicle: hs.Vehicle, flight):
 
 
 def main(*, vehicle: str = "jr700", first: int = 1, seeds: int = 5, size: float = 1.0) -> int:
-    flown, told, held, off, new = hs.load(vehicle), Counter(), {}, {}, []
+    flown, verdicts, told = hs.load(vehicle), Counter(), {}
     law, period = flights.law_for(flown), flown.parameters["gyro.period"]
-
-    def tell(axis: str, name: str, value: float, ends: tuple[float, float], true: float) -> None:
-        held.setdefault((axis, name), []).append(ends[0] <= true <= ends[1])
-        off.setdefault((axis, name), []).append((value - true, 100.0 * abs(value / true - 1.0)))
 
     def derivatives(one: hs.Vehicle) -> dict[str, float]:
         found = {name: one.derivatives[name] for name in MAIN}
@@ -65,53 +61,55 @@ def main(*, vehicle: str = "jr700", first: int = 1, seeds: int = 5, size: float 
         found["Z_col"] /= law.collective.range
         return found | {"N_ped": found["N_ped"] / law.yaw.range}
 
-    def figures(exact: list, own: hs.Rotorflight, axis: str) -> dict[str, float]:
+    def loops_of(plants: list, own: hs.Rotorflight) -> list[PredictedLoop]:
         feedback = Feedback(own, period, {})
-        some = [PredictedLoop.of([one] * 2, feedback, LOWEST).figures(axis) for one in exact]
-        return {name: float(np.mean([one[name].value for one in some])) for name in FIGURES}
+        return [PredictedLoop.of([one] * 2, feedback, LOWEST) for one in plants]
 
     for seed in range(first, first + seeds):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "flight.bbl"
-            flight, loops = flights.fly(flown, law, seed=seed, size=size)
-            columns = flights.columns(flown, law, flight, loops)
+            flight, rows = flights.fly(flown, law, seed=seed, size=size)
+            columns = flights.columns(flown, law, flight, rows)
             path.write_bytes(blackbox_logs.encode(columns, flights.header(law, period)))
             found = tune_blackbox([str(path)])
         along = [*at_moments(flown, flight)]
         # half a tick of delay is in it
         exact = [one.linearize("IN1").select(tuple(WORDS), SEEN) for one in along]
         each = [derivatives(one) for one in along]
-        main = {name: np.mean([one[name] for one in each]) for name in each[0]}
-        told.update(f"{fit.structure.name} {fit.verdict.word}" for fit in found.fits)
+        verdicts.update(f"{fit.structure.name} {fit.verdict.word}" for fit in found.fits)
         sound = [one.parameters for one in found.fits if one.verdict.word == "sound"]
-        for name, one in ((name, x[name]) for x in sound for name in main.keys() & x.keys()):
-            tell("model", name, one.value, one.interval, main[name])
+        for name, one in ((name, x[name]) for x in sound for name in each[0].keys() & x.keys()):
+            row = seed, one.value, *one.interval, np.mean([own[name] for own in each])
+            told.setdefault(("model", name), []).append(row)
         better = {".".join(one.name.split("_")[:2]): one.after for one in found.changes}
+        today, new = loops_of(exact, law), loops_of(exact, law.replace(better))
         for one in found.axes:
-            true = figures(exact, law, one.axis)
-            for name in FIGURES:
-                own = one.today[name]
-                if np.isfinite(own.low):  # not beyond the band of the models
-                    tell(WORDS[one.axis], name, own.value, (own.low, own.high), true[name])
-            by = figures(exact, law.replace(better), one.axis) if one.tuned else {}
-            for name, own in ((name, one.tuned[name]) for name in MARGINS if one.tuned):
-                if np.isfinite(own.low):
-                    ends = own.low, own.high
-                    tell(f"new {WORDS[one.axis]}", name, own.value, ends, by[name])
-                    new.append((seed, WORDS[one.axis], name, own.value, *ends, by[name]))
-    print("verdicts:", ", ".join(f"{count} {word}" for word, count in told.items()))
-    rows = [
-        (*what, len(some), 100.0 * np.mean(some), *np.median(off[what], axis=0))
-        for what, some in sorted(held.items())
-    ]
+            own = ("", one.today, today, FIGURES), ("new ", one.tuned, new, MARGINS)
+            for of, shown, loops, names in own if one.tuned else own[:1]:
+                true = [loop.figures(one.axis) for loop in loops]
+                for name in (name for name in names if np.isfinite(shown[name].low)):  # in the band
+                    mean = np.mean([figures[name].value for figures in true])
+                    row = seed, shown[name].value, shown[name].low, shown[name].high, mean
+                    told.setdefault((of + WORDS[one.axis], name), []).append(row)
+    print("verdicts:", ", ".join(f"{count} {word}" for word, count in verdicts.items()))
+    rows, far, inside = [], [], []
+    for (of, name), some in sorted(told.items()):
+        _, value, low, high, true = np.array(some).T
+        holds, off = (low <= true) & (true <= high), np.abs(value / true - 1.0)
+        middle = np.median([value - true, 100.0 * off], axis=1)
+        rows.append((of, name, len(some), 100.0 * holds.mean(), *middle))
+        if of.startswith("new"):
+            wide = np.abs(value - true) > MARGINS[name]
+            far += [(row[0], of, name, *row[1:]) for row, one in zip(some, wide) if one]
+        else:
+            inside += [*holds]
     heads = "flights:8d|inside, %:10.0f|off, median:+12.3f|error, %:9.1f"
     common.table(f"of:<10|figure:<13|{heads}", rows)
-    far = [row for row in new if abs(row[3] - row[-1]) > MARGINS[row[2]]]
     ends = "predicted:10.2f|from:8.2f|to:8.2f|exact:8.2f"
-    common.table(f"seed:4d|axis:<6|far off:<13|{ends}", far)
-    every = [one for what, some in held.items() for one in some if not what[0].startswith("new")]
-    share = 100.0 * np.mean(every or [0.0])
-    print(f"{share:.0f} % of {len(every)} intervals hold; {len(far)} of {len(new)} are far off")
+    common.table(f"seed:4d|gains:>11|far off:>13|{ends}", far)
+    share = 100.0 * np.mean(inside or [0.0])
+    count = sum(len(some) for (of, _), some in told.items() if of.startswith("new"))
+    print(f"{share:.0f} % of {len(inside)} intervals hold; {len(far)} of {count} are far off")
     return int(not 93.0 <= share <= 98.0 or bool(far))
 
 
