@@ -30,8 +30,7 @@ def rows(vehicle: hs.Vehicle, speeds: tuple[float, ...]) -> list[list[float]]:
 
 def main(name: str = "jr700", *speeds: float) -> None:
     """Print a table of both laws."""
-    wanted = speeds or SPEEDS
-    lines = []
+    lines, wanted = [], speeds or SPEEDS
     for law in LAWS:
         found = rows(hs.load(name, parameters={"main_rotor.inflow": law}), wanted)
         lines += [(law, speed, *row) for speed, row in zip(wanted, found)]

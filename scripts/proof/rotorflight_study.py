@@ -1,15 +1,14 @@
 """Ordinary flights under Rotorflight's law, as Blackbox logs: what `helisim tune` makes of them.
 
-A vehicle flies seed by seed for two minutes under the law, its gyro noisy, in light turbulence;
-the flight becomes a log. Printed by axis: of how many flights a model is told, and the verdicts;
-how often the 95 % intervals of main derivatives and of today's loop hold the truth, and how far
-they are off at the median; the same of new gains' loops, and each margin that isn't within 1 dB and
-5 degrees of the predicted one. The truth of a flight is the mean of the exact linearisations at the
-airspeeds of its moments, and of their loops' figures. Bars: 93 to 98 % of intervals (but of new
-gains, which are sought by the same models); no such margin. Exit status 1 if missed.
+A vehicle flies seed by seed for two minutes under the law, its gyro noisy, in light turbulence.
+Printed: the verdicts on models; how often 95 % intervals of main derivatives, of today's and of new
+gains' loops hold the truth, and how far they are off at the median; each margin that isn't within
+1 dB and 5 degrees of the predicted one. The truth of a flight is the mean of the exact
+linearisations at the airspeeds of its moments, and of their loops' figures. Bars: 93 to 98 % of
+intervals (but of new gains, which are sought by the same models); no such margin. Exit status 1 if
+missed.
 
-    python scripts/proof/rotorflight_study.py [--vehicle NAME] [--first SEED]
-        [--seeds N] [--size X]
+    python scripts/proof/rotorflight_study.py [--vehicle NAME] [--first SEED] [--seeds N] [--size X]
 """
 
 import sys
@@ -41,14 +40,6 @@ AT = 20.0  # rad/s, where the delay to the accelerometer, a time step late, is t
 MOMENTS = 8  # of a flight
 
 
-def at_moments(vehicle: hs.Vehicle, flight):
-    """Yield a vehicle in the steady flights at a flight's airspeeds, where there are such."""
-    air = flight.velocities - flight.air[:, :3]
-    for ahead, right, _ in air[np.linspace(0, len(air) - 1, MOMENTS, dtype=int)].tolist():
-        with suppress(HelisimError):  # the pedals would be beyond their end
-            yield vehicle.trimmed(wind=(-ahead, -right, 0.0))
-
-
 def main(*, vehicle: str = "jr700", first: int = 1, seeds: int = 5, size: float = 1.0) -> int:
     flown, verdicts, told = hs.load(vehicle), Counter(), {}
     law, period = flights.law_for(flown), flown.parameters["gyro.period"]
@@ -72,7 +63,10 @@ def main(*, vehicle: str = "jr700", first: int = 1, seeds: int = 5, size: float 
             columns = flights.columns(flown, law, flight, rows)
             path.write_bytes(blackbox_logs.encode(columns, flights.header(law, period)))
             found = tune_blackbox([str(path)])
-        along = [*at_moments(flown, flight)]
+        air, along = flight.velocities - flight.air[:, :3], []
+        for ahead, right, _ in air[np.linspace(0, len(air) - 1, MOMENTS, dtype=int)].tolist():
+            with suppress(HelisimError):  # the pedals would be beyond their end
+                along.append(flown.trimmed(wind=(-ahead, -right, 0.0)))
         # half a tick of delay is in it
         exact = [one.linearize("IN1").select(tuple(WORDS), SEEN) for one in along]
         each = [derivatives(one) for one in along]
@@ -105,8 +99,8 @@ def main(*, vehicle: str = "jr700", first: int = 1, seeds: int = 5, size: float 
             inside += [*holds]
     heads = "flights:8d|inside, %:10.0f|off, median:+12.3f|error, %:9.1f"
     common.table(f"of:<10|figure:<13|{heads}", rows)
-    ends = "predicted:10.2f|from:8.2f|to:8.2f|exact:8.2f"
-    common.table(f"seed:4d|gains:>11|far off:>13|{ends}", far)
+    heads = "predicted:10.2f|from:8.2f|to:8.2f|exact:8.2f"
+    common.table(f"seed:4d|gains:>11|far off:>13|{heads}", far)
     share = 100.0 * np.mean(inside or [0.0])
     count = sum(len(some) for (of, _), some in told.items() if of.startswith("new"))
     print(f"{share:.0f} % of {len(inside)} intervals hold; {len(far)} of {count} are far off")

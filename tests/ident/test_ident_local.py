@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from itertools import accumulate
+from itertools import accumulate  # noqa: F401  (rows name it)
 
 import numpy as np
 import pytest
@@ -103,18 +103,18 @@ def test_a_pilot_who_answers_gusts_does_not_bias_a_predictor():
     assert (np.max(off) < 3.0, 0.2 < np.mean(off**2) < 2.0, frf.evidence) == (True, True, ())
 
 
-def test_a_servo_at_its_limit_of_speed_is_in_a_predictor_s_errors():
-    """Steps of a normal size, that slew by 0.4 a sample, late by 30 ms: a line fits 12 % off."""
+@tabled("acts", "most")
+def test_what_large_motion_does_is_in_a_predictor_s_errors(acts, most):
+    """Steps of a normal size: a line fits 12 % off by a slew of 0.4 a sample, 16 % by the cube."""
     random, top = np.random.default_rng(1), [*[0.0] * 6, 0.05]
     lat = np.repeat(random.standard_normal(300), 80)
-    servo = [*accumulate(lat, lambda at, to: at + np.clip(to - at, -0.4, 0.4))]
-    p = lfilter(top, [1.0, -0.985], servo) + 0.05 * random.standard_normal(lat.size)
+    p = lfilter(top, [1.0, -0.985], acts(lat)) + 0.05 * random.standard_normal(lat.size)
     asked = ASKED | {"band": (2.0, 20.0), "estimator": "predictor"}
     frf = frequency_response(record(0.005, lat=lat, p=p), **asked)
     expected = freqz(top, [1.0, -0.985], 0.005 * frf.frequency)[1]
     off, held = frf.response[0, 0] - expected, np.abs(frf.scatter.gap[0, 0, 0])
-    assert np.mean(np.abs(off / expected)) < 0.07
-    assert np.mean(np.abs(off)) < np.mean(held) < 0.1 * np.mean(np.abs(expected))
+    assert np.mean(np.abs(off / expected)) < most
+    assert np.mean(np.abs(off)) < np.mean(held) < 0.2 * np.mean(np.abs(expected))
 
 
 # The parts: lines of two flights
