@@ -59,12 +59,14 @@ def reproduce(o: Options) -> int:
     results = f"{o.out / 'results.json'}, records in {o.out / 'flights'}"
     print_written(o, results, o.out / "report.html")
     if o.rerun is not None:
-        named = (
-            (f"{axis}_{k + 1:02d}", record)
-            for axis, some in run.flights.items()
-            for k, record in enumerate(some)
+        write_recording(
+            *(o, o.rerun),
+            {
+                f"{axis}_{k + 1:02d}": record
+                for axis, some in run.flights.items()
+                for k, record in enumerate(some)
+            },
         )
-        write_recording(o, o.rerun, dict(named))
     return 1 if run.results.misses else 0
 
 

@@ -64,10 +64,6 @@ def peak(frequency: Real, values: Real) -> tuple[float, float]:
     return y0 + (here - x0) * (left + bend * (here - x1)), float(np.exp(here))
 
 
-def _shortest(turn: Real) -> Real:
-    return turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-
-
 @dataclass(frozen=True)
 class Margins:
     """Margins of a loop at all its crossings, gain rising or falling; negative if unstable.
@@ -119,7 +115,7 @@ def margins(loop: Curve) -> Margins:
     turns = crossings(frequency, behind, most=np.pi)
     sizes = turns.of(decibel)
     low = behind[ones.index]
-    angles = low + ones.share * _shortest(behind[ones.index + 1] - low)
+    angles = low + ones.share * np.angle(np.exp(1j * (behind[ones.index + 1] - low)))
     angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
     top = -1 if decibel[-1] > 0.0 else int(np.argmax(decibel))
     there = abs(float(behind[top]))
@@ -142,7 +138,7 @@ def _open_gain(frequency: Real, decibel: Real, behind: Real) -> float:
     inner, found = min(_END, frequency.size - 1), MOST_GAIN
     for ends, delay in (([inner, 0], False), ([-1 - inner, -1], True)):
         where, size, angle = np.log(frequency[ends]), decibel[ends], behind[ends]
-        turn, missing = float(_shortest(angle[1] - angle[0])), float(angle[1])
+        turn, missing = float(np.angle(np.exp(1j * (angle[1] - angle[0])))), float(angle[1])
         if turn * missing > 0.0 or turn == 0.0:
             continue  # it leads away
         along = np.exp(where) if delay else where

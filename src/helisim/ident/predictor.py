@@ -16,6 +16,7 @@ without powers.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,11 @@ from helisim.records.record import ACCELERATIONS
 _TICK, _AT_ONCE, _MEMORY = 0.45, 0.3, 4.0
 # Lags until their means grow wider, by a factor of e in as many; s of powers, for which a servo may
 # be late
-_SINGLE, _SLEWS = 5.0, 0.12
+_SINGLE, _SLEWS = 8.0, 0.12
+# Of a column's samples, a third that differ from the one before: then rounding errors do, too
+# Share of a lag's square that rounding has to add before it is taken off: below it numbers would
+# lose more by that
+_FRESH, _MATTERS = 3.0, 1e-9
 
 
 class Predictor(Local):
@@ -44,12 +49,12 @@ class Predictor(Local):
     ) -> Estimate:
         """Return the responses with their errors."""
         names, n_out, omega = (*outputs, *inputs, *others), len(outputs), self._frequency
-        jumps = bool({*outputs} & {*ACCELERATIONS})
         longest = max(one.sample_time for one in self._records)
+        jumps, parts = bool({*outputs} & {*ACCELERATIONS}), list[Real]()
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
         count = np.arange(_SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE)) + 1.0)
         edges = np.rint(_SINGLE * np.sinh(count / _SINGLE)).astype(np.intp)
-        wide, slow, parts = np.diff(edges), edges[1:] * tick <= _SLEWS, []
+        wide, slow = np.diff(edges), edges[1:] * tick <= _SLEWS
         for one in self._records:
             size = max(round(tick / one.sample_time), 1)
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
@@ -63,6 +68,14 @@ class Predictor(Local):
             parts.append(np.hstack([some.reshape(at.size, -1) for some in lines]))
         samples, linear = sum(map(len, parts)), wide.size * len(names)
         upper = np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))  # all that is needed
+        apart = np.concatenate([np.diff(one.select(names), axis=0) for one in self._records])
+        step = np.min(np.abs(apart), axis=0, where=apart != 0.0, initial=np.max(np.abs(apart)))
+        fresh = np.minimum(_FRESH * np.mean(apart != 0.0, axis=0), 1.0)
+        less = np.outer(samples * longest / tick / wide, step**2 / 12.0 * fresh).ravel()
+        if np.max(less / np.sum(upper[:, :linear] ** 2, axis=0)) > _MATTERS:
+            with suppress(np.linalg.LinAlgError):  # of what hardly moves beside its rounding
+                square = upper.T @ upper - np.diag(np.pad(less, (0, upper.shape[1] - linear)))
+                upper = np.linalg.cholesky(square).T
         columns, now = np.split(np.arange(upper.shape[1]), [-n_out])
 
         def told(*powers: NDArray[np.intp]) -> tuple[float, Real, Real]:
@@ -86,8 +99,8 @@ class Predictor(Local):
                 break
             path.append(more[best])
             chosen.append(left.pop(best))
-        turn = np.exp(-1j * tick * omega)[:, None]
-        lag = -np.diff(turn ** (edges + 1), axis=1) / ((1.0 - turn) * wide)
+        turned = np.exp(-1j * tick * np.outer(omega, edges + 1))
+        lag = -np.diff(turned, axis=1) / np.outer(1.0 - np.exp(-1j * tick * omega), wide)
 
         def solved(known: Real, last: Real) -> tuple[Complex, Complex, Real, Real]:
             """Return responses, (n_freq, n_out, n_in), what a triangle leaves, and its root."""
@@ -101,7 +114,7 @@ class Predictor(Local):
             return whole, inverse, root, last - turned @ seen
 
         (other, *_), (whole, inverse, root, rest) = (solved(*one[1:]) for one in (path * 2)[-2:])
-        own = np.eye(len(inputs), len(names) - n_out) + np.zeros((omega.size, 1, 1))
+        own = np.tile(np.eye(len(inputs), len(names) - n_out), (omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
         noise = (

@@ -211,11 +211,6 @@ def is_compiled(excitation: Excitation) -> bool:
     return excitation.at == "sticks" and "_write_closed_form" in vars(type(excitation))
 
 
-def is_foreknown(excitation: Excitation) -> bool:
-    """Return whether what it adds is known before a flight; a pilot's wobble is new in each."""
-    return not is_compiled(excitation) or type(excitation).wave is not Excitation.wave
-
-
 def check_excitation(excitation: Any) -> None:
     """Raise InputError unless something can be flown as an excitation."""
     kind = type(excitation)

@@ -20,7 +20,7 @@ from helisim.sim.excitation import (
     check_excitation,
     check_times,
     complete,
-    is_foreknown,
+    is_compiled,
     limit,
     unit,
 )
@@ -238,7 +238,7 @@ class _Composite(Excitation, ABC, listed=False):
             raise InputError(f"{kind} needs parts, a tuple of manoeuvres, got {self.parts!r:.60}")
         for part in self.parts:
             check_excitation(part)
-            if not is_foreknown(part):
+            if is_compiled(part) and type(part).wave is Excitation.wave:
                 raise InputError(
                     f"a {type(part).__name__} is no part of a {kind}: its wobble belongs to the "
                     "pilot of a flight; take a Chirp"

@@ -145,8 +145,10 @@ def _whole(script: Script, pilot: Pilot, autopilot: Autopilot) -> Steps:
             size, since = now, pilot.time
         yield
     if failed is not None:
-        last = "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:])
-        raise AutopilotError(f"{failed}{last}", remedy=failed.remedy) from failed
+        raise AutopilotError(
+            str(failed) + "".join(f"; it said last: {text}" for text in pilot.telemetry.said[-1:]),
+            remedy=failed.remedy,
+        ) from failed
 
 
 def hover(pilot: Pilot) -> Steps:
