@@ -60,18 +60,20 @@ class Predictor(Local):
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
             mean = values.mean(axis=1) - values.mean(axis=(0, 1))
             moved, at = mean[:, n_out:], np.arange(edges[-1], len(mean))
-            cubes = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
-            total = np.cumsum(np.pad(np.hstack([mean, *cubes]), ((1, 0), (0, 0))), axis=0)
+            powers = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
+            total = np.cumsum(np.pad(np.hstack([mean, *powers]), ((1, 0), (0, 0))), axis=0)
             before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
-            powers = before[:, slow, len(names) :].swapaxes(1, 2)
-            lines = before[:, :, : len(names)], powers, mean[at, :n_out]
-            parts.append(np.hstack([some.reshape(at.size, -1) for some in lines]))
+            lags = before[:, :, : len(names)], before[:, slow, len(names) :].swapaxes(1, 2)
+            parts.append(np.hstack([*(x.reshape(at.size, -1) for x in lags), mean[at, :n_out]]))
         samples, linear = sum(map(len, parts)), wide.size * len(names)
         upper = np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))  # all that is needed
         apart = np.concatenate([np.diff(one.select(names), axis=0) for one in self._records])
         step = np.min(np.abs(apart), axis=0, where=apart != 0.0, initial=np.max(np.abs(apart)))
-        fresh = np.minimum(_FRESH * np.mean(apart != 0.0, axis=0), 1.0)
-        less = np.outer(samples * longest / tick / wide, step**2 / 12.0 * fresh).ravel()
+        less = np.outer(
+            sum(len(part) * one.sample_time for part, one in zip(parts, self._records))
+            / (tick * wide),
+            step**2 / 12.0 * np.minimum(_FRESH * np.mean(apart != 0.0, axis=0), 1.0),
+        ).ravel()
         if np.max(less / np.sum(upper[:, :linear] ** 2, axis=0)) > _MATTERS:
             with suppress(np.linalg.LinAlgError):  # of what hardly moves beside its rounding
                 square = upper.T @ upper - np.diag(np.pad(less, (0, upper.shape[1] - linear)))
@@ -89,9 +91,8 @@ class Predictor(Local):
             )
 
         cubes, *sizes = columns[linear:].reshape(3, len(names) - n_out, -1)
-        path, chosen = [told()], list[NDArray[np.intp]]()
-        left = [] if jumps or samples <= upper.shape[1] else [*cubes, *np.hstack(sizes)]
-        while left:
+        path, chosen, left = [told()], list[NDArray[np.intp]](), [*cubes, *np.hstack(sizes)]
+        while left and not jumps and samples > upper.shape[1]:
             more = [told(*chosen, one) for one in left]
             best = min(range(len(left)), key=lambda k: more[k][0])
             if more[best][0] >= path[-1][0]:

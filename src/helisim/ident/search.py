@@ -97,10 +97,8 @@ def agreed(found: Sequence[Minimum], delays: "Delays") -> tuple[Minimum, int]:
 
 def descend(cost: Cost, start: Start) -> Minimum:
     """Descend from a start to a minimum of J: first by relative errors, then by J."""
-    rough = minimum(
-        cost.limits, cost.relative, cost.relative_jacobian, start.x, 1e-4, 1e-8, _APPROACH_STEPS
-    )
-    best = Minimum(rough.x, math.inf, False, start)
+    nearer = cost.limits, cost.relative, cost.relative_jacobian, start.x
+    best = Minimum(minimum(*nearer, 1e-4, 1e-8, _APPROACH_STEPS).x, math.inf, False, start)
     for unwrap in (True, False):
         end = minimum(cost.limits, partial(cost.log, unwrap=unwrap), cost.log_jacobian, best.x)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))

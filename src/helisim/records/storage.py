@@ -79,7 +79,7 @@ def _write_csv(record: FlightRecord, path: Path) -> None:
         for channel in record.channels:
             file.write(f"# channel: {json.dumps(asdict(channel), ensure_ascii=False)}\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_headings(record.channels))
+        writer.writerow(f"{one.name} [{one.unit}]" for one in (_TIME, *record.channels))
         # csv writes a float by its repr, which reads back as the same double
         writer.writerows(np.column_stack([record.time, record.values]).tolist())
 
@@ -106,7 +106,7 @@ def _read_csv(path: Path) -> _Contents:
         header, *rows = csv.reader(lines[count:] or [""])
     except csv.Error as error:
         raise StorageError(f"{path}: not a CSV table: {error}; is a quote left open?") from None
-    expected = _headings(channels)
+    expected = [f"{one.name} [{one.unit}]" for one in (_TIME, *channels)]
     if header != expected:
         raise StorageError(
             f"{path}, line {count + 1}: the columns are {', '.join(header) or 'none'}; by the "
@@ -126,10 +126,6 @@ def _read_csv(path: Path) -> _Contents:
             "(if it was cut on purpose, correct that line)"
         )
     return columns, channels, provenance
-
-
-def _headings(channels: tuple[Channel, ...]) -> list[str]:
-    return [f"{channel.name} [{channel.unit}]" for channel in (_TIME, *channels)]
 
 
 def _channel(path: Path, data: Mapping[str, Any]) -> Channel:

@@ -91,7 +91,7 @@ class Excitation:
     @property
     def axes(self) -> tuple[str, ...]:
         """The axes that `axis` joins, in its order."""
-        return split_axes(self.axis)
+        return tuple(one.strip() for one in self.axis.split("+"))
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -187,11 +187,6 @@ def register(cls: type, kinds: dict[str, Any], what: str) -> None:
         kinds[cls.__name__] = cls
 
 
-def split_axes(axis: str) -> tuple[str, ...]:
-    """Return the axes of a text such as "lat+ped"."""
-    return tuple(one.strip() for one in axis.split("+"))
-
-
 def own_setting(
     excitation: Excitation, own: Mapping[str, float], axis: str, name: str
 ) -> float | tuple[float, float]:
@@ -247,7 +242,7 @@ def check_axis(excitation: Excitation) -> None:
     """Raise InputError unless an excitation's axes are those of a place."""
     kind, at, axis = type(excitation).__name__, excitation.at, excitation.axis
     check_known("place for a manoeuvre", [at], PLACES)
-    axes = split_axes(axis)
+    axes = tuple(one.strip() for one in axis.split("+"))
     check_known("axis" if at == "sticks" else f"axis at {at}", axes, PLACES[at])
     if len(set(axes)) < len(axes):
         raise InputError(f"{kind} has an axis twice: {axis}")
