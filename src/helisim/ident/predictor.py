@@ -54,16 +54,18 @@ class Predictor(Local):
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
         count = np.arange(_SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE)) + 1.0)
         edges = np.rint(_SINGLE * np.sinh(count / _SINGLE)).astype(np.intp)
-        wide, slow = np.diff(edges), edges[1:] * tick <= _SLEWS
+        wide, short = np.diff(edges), edges[: 1 + np.count_nonzero(edges[1:] * tick <= _SLEWS)]
         for one in self._records:
             size = max(round(tick / one.sample_time), 1)
             values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
             mean = values.mean(axis=1) - values.mean(axis=(0, 1))
             moved, at = mean[:, n_out:], np.arange(edges[-1], len(mean))
             powers = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
-            total = np.cumsum(np.pad(np.hstack([mean, *powers]), ((1, 0), (0, 0))), axis=0)
-            before = -np.diff(total[at[:, None] - edges], axis=1) / wide[:, None]
-            lags = before[:, :, : len(names)], before[:, slow, len(names) :].swapaxes(1, 2)
+            lags = (
+                -np.diff(total[at[:, None] - ends], axis=1) / np.diff(ends)[:, None]
+                for some, ends in ((mean, edges), (np.hstack(powers), short))
+                for total in [np.cumsum(np.pad(some, ((1, 0), (0, 0))), axis=0)]
+            )
             parts.append(np.hstack([*(x.reshape(at.size, -1) for x in lags), mean[at, :n_out]]))
         samples, linear = sum(map(len, parts)), wide.size * len(names)
         upper = np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))  # all that is needed
@@ -90,7 +92,7 @@ class Predictor(Local):
                 *(own[:, : some.size], own[:, some.size :]),
             )
 
-        cubes, *sizes = columns[linear:].reshape(3, len(names) - n_out, -1)
+        cubes, *sizes = columns[linear:].reshape(-1, 3, len(names) - n_out).transpose(1, 2, 0)
         path, chosen, left = [told()], list[NDArray[np.intp]](), [*cubes, *np.hstack(sizes)]
         while left and not jumps and samples > upper.shape[1]:
             more = [told(*chosen, one) for one in left]

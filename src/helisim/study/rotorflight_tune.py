@@ -385,7 +385,7 @@ def _models(
             continue
         # lost frames are told by their numbers; whole counts lie on straight lines, too
         if any(reason.kind != "lost" for reason in fit.verdict.reasons):
-            # figures of a doubtful model are of motion as large as was flown, and not of all
+            # figures of a doubtful model may be of motion as large as was flown, and not of all
             wrong |= dict.fromkeys(own.inputs, f"the model's {fit.verdict}; {_FLY}")
         fits.append(fit)
         remarks += [_lift(fit) for name in own.inputs if name == "col"]
