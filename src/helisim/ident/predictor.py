@@ -12,7 +12,8 @@ better by more than chance (G. Schwarz, Ann. Statist. 6, 1978): where nothing is
 take jumps, which tell most, for one. No such limit is a power: what the last one that is taken
 moves the response by, or the best one if none is, is one more error. Accelerations answer a jump at
 once, wherever it lies between two samples here, which cubes would take for a limit: theirs is
-without powers.
+without powers. What rounding in a log's whole steps adds to lags is taken off their squares, else
+every gain is too small (W. A. Fuller, Measurement Error Models, 1987, ch. 2).
 """
 
 from collections.abc import Sequence
@@ -24,16 +25,14 @@ from numpy.typing import NDArray
 from helisim.base.arrays import Complex, Real
 from helisim.ident.local import Local
 from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
-from helisim.records.record import ACCELERATIONS
+from helisim.records.record import ACCELERATIONS, FlightRecord
 
 # rad of the band's top between samples, where accelerations answer; of its lower edge in all lags
 _TICK, _AT_ONCE, _MEMORY = 0.45, 0.3, 4.0
-# Lags until their means grow wider, by a factor of e in as many; s of powers, for which a servo may
-# be late
+# Lags until their means grow wider, by a factor of e in as many; s, for which a servo may be late
 _SINGLE, _SLEWS = 8.0, 0.12
-# Of a column's samples, a third that differ from the one before: then rounding errors do, too
-# Share of a lag's square that rounding has to add before it is taken off: below it numbers would
-# lose more by that
+# _FRESH: over 1, the share of samples that differ from the one before: then rounding errors do, too
+# _MATTERS: share of a lag's square: taking off less would cost more by the numbers' own rounding
 _FRESH, _MATTERS = 3.0, 1e-9
 
 
@@ -50,32 +49,16 @@ class Predictor(Local):
         """Return the responses with their errors."""
         names, n_out, omega = (*outputs, *inputs, *others), len(outputs), self._frequency
         longest = max(one.sample_time for one in self._records)
-        jumps, parts = bool({*outputs} & {*ACCELERATIONS}), list[Real]()
+        jumps = bool({*outputs} & {*ACCELERATIONS})
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
         count = np.arange(_SINGLE * np.arcsinh(_MEMORY / (omega[0] * tick * _SINGLE)) + 1.0)
         edges = np.rint(_SINGLE * np.sinh(count / _SINGLE)).astype(np.intp)
-        wide, short = np.diff(edges), edges[: 1 + np.count_nonzero(edges[1:] * tick <= _SLEWS)]
-        for one in self._records:
-            size = max(round(tick / one.sample_time), 1)
-            values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
-            mean = values.mean(axis=1) - values.mean(axis=(0, 1))
-            moved, at = mean[:, n_out:], np.arange(edges[-1], len(mean))
-            powers = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
-            lags = (
-                -np.diff(total[at[:, None] - ends], axis=1) / np.diff(ends)[:, None]
-                for some, ends in ((mean, edges), (np.hstack(powers), short))
-                for total in [np.cumsum(np.pad(some, ((1, 0), (0, 0))), axis=0)]
-            )
-            parts.append(np.hstack([*(x.reshape(at.size, -1) for x in lags), mean[at, :n_out]]))
+        wide, short = np.diff(edges), int(np.sum(edges * tick <= _SLEWS))
+        parts = [_lagged(one, names, n_out, tick, edges, short) for one in self._records]
         samples, linear = sum(map(len, parts)), wide.size * len(names)
         upper = np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))  # all that is needed
-        apart = np.concatenate([np.diff(one.select(names), axis=0) for one in self._records])
-        step = np.min(np.abs(apart), axis=0, where=apart != 0.0, initial=np.max(np.abs(apart)))
-        less = np.outer(
-            sum(len(part) * one.sample_time for part, one in zip(parts, self._records))
-            / (tick * wide),
-            step**2 / 12.0 * np.minimum(_FRESH * np.mean(apart != 0.0, axis=0), 1.0),
-        ).ravel()
+        means = sum(len(part) * one.sample_time for part, one in zip(parts, self._records)) / tick
+        less = np.outer(means / wide, _rounding(self._records, names)).ravel()
         if np.max(less / np.sum(upper[:, :linear] ** 2, axis=0)) > _MATTERS:
             with suppress(np.linalg.LinAlgError):  # of what hardly moves beside its rounding
                 square = upper.T @ upper - np.diag(np.pad(less, (0, upper.shape[1] - linear)))
@@ -144,3 +127,32 @@ class Predictor(Local):
         return Estimate.stated(
             response, still + 1.0, np.clip(1.0 - level / power, 0.0, 1.0), scatter
         )
+
+
+def _lagged(
+    one: FlightRecord,
+    names: Sequence[str],
+    n_out: int,
+    tick: float,
+    edges: NDArray[np.intp],
+    short: int,
+) -> Real:
+    """Return rows, (n_sample, n_column): lags, powers' by the first `short` edges, and outputs."""
+    size = max(round(tick / one.sample_time), 1)
+    values = one.select(names)[: len(one) // size * size].reshape(-1, size, len(names))
+    mean = values.mean(axis=1) - values.mean(axis=(0, 1))
+    moved, at = mean[:, n_out:], np.arange(edges[-1], len(mean))
+    powers = np.diff(moved, axis=0, prepend=moved[:1]) ** 3, moved**2, moved**3
+    lags = (
+        -np.diff(total[at[:, None] - ends], axis=1) / np.diff(ends)[:, None]
+        for some, ends in ((mean, edges), (np.hstack(powers), edges[:short]))
+        for total in [np.cumsum(np.pad(some, ((1, 0), (0, 0))), axis=0)]
+    )
+    return np.hstack([*(each.reshape(at.size, -1) for each in lags), mean[at, :n_out]])
+
+
+def _rounding(records: Sequence[FlightRecord], names: Sequence[str]) -> Real:
+    """Return the variance that rounding to whole steps adds to each signal, new in each sample."""
+    apart = np.concatenate([np.diff(one.select(names), axis=0) for one in records])
+    step = np.min(np.abs(apart), axis=0, where=apart != 0.0, initial=np.max(np.abs(apart)))
+    return step**2 / 12.0 * np.minimum(_FRESH * np.mean(apart != 0.0, axis=0), 1.0)
