@@ -60,7 +60,8 @@ def reproduce(o: Options) -> int:
     print_written(o, results, o.out / "report.html")
     if o.rerun is not None:
         write_recording(
-            *(o, o.rerun),
+            o,
+            o.rerun,
             {
                 f"{axis}_{k + 1:02d}": record
                 for axis, some in run.flights.items()

@@ -165,7 +165,7 @@ def _whole(fit: Fit, flight: FlightRecord) -> Trace:
     motions = [np.tile(np.eye(n_out)[k], (time.size, 1)) for k in range(n_out)]
     at_rest = np.zeros((time.size, n_in))
     motions += [simulate(model, at_rest, step, start=np.eye(n)[k]) for k in range(n)]
-    if model.a.size and np.linalg.cond(model.a) > _INTEGRATES:
+    if _integrates(model):
         motions += [simulate(model, at_rest + np.eye(n_in)[k], step) for k in range(n_in)]
     free = np.stack(motions)
     if not (np.all(np.isfinite(forced)) and np.all(np.isfinite(free))):
@@ -210,7 +210,7 @@ def _in_segments(fit: Fit, flight: FlightRecord, length_s: float) -> Trace:
     driven = _without(forced(padded[starts[:, None] + around]) / size, own)
     n_out, n_in = len(structure.outputs), len(structure.inputs)
     constant = np.broadcast_to(np.eye(n_out)[:, None], (n_out, length, n_out))
-    if model.a.size and np.linalg.cond(model.a) > _INTEGRATES:
+    if _integrates(model):
         drifts = forced(np.broadcast_to(np.eye(n_in)[:, None], (n_in, around.size, n_in)))
         constant = np.concatenate([constant, drifts])
     constant = constant / size
@@ -267,6 +267,10 @@ def _motions(
         return moved[:, before + after : before + after + length]
 
     return free, forced, (before, after)
+
+
+def _integrates(model: LinearSystem) -> bool:
+    return bool(model.a.size) and float(np.linalg.cond(model.a)) > _INTEGRATES
 
 
 def _positive(size: Real) -> Real:

@@ -190,8 +190,11 @@ def fly_from(
     The model is `prepare`d; start, (n_state,), added, (n_step, n_injection), and state, (1, n_step,
     n_state), are as for `roll`. Raises DivergedError if no sample is within the envelope.
     """
-    count = round(plan.duration / model.opt.timestep) + 1
-    script, who = None, f"controller {vehicle.controller.name!r}"
+    count, script, who = (
+        round(plan.duration / model.opt.timestep) + 1,
+        None,
+        f"controller {vehicle.controller.name!r}",
+    )
     with vehicle.controller.flying(model) as failed:
         if plan.mission is None:
             sensordata = roll(model, start, count, added=added, state=state)

@@ -227,7 +227,7 @@ def tune_blackbox(
     gains are as of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
-    first, *rest = (open_blackbox(one, file_digest(one), None) for one in paths)
+    first = open_blackbox(paths[0], file_digest(paths[0]), None)
     told = None if dump is None else read_dump(dump)
     law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
     period = 1e-6 * math.prod(
@@ -247,7 +247,11 @@ def tune_blackbox(
         )
     records = [record for one in paths for record in read_log(one).records]
     remarks += _droops(records)
-    if others := [one.path.name for one in rest if law_of_log(one, told) != law]:
+    if others := [
+        one.name
+        for one in paths[1:]  # one at a time: a log is large
+        if law_of_log(open_blackbox(one, file_digest(one), None), told) != law
+    ]:
         raise LogError(
             f"{', '.join(others)}: other gains or filters than in "
             f"{paths[0].name}: today's loops are of one law; tune each by itself"

@@ -45,7 +45,13 @@ def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> 
     a, b = slopes[:, :n], slopes[:, [n + k for k in kept]]
     period, names = float(law.par[PARAM.gyro_period]), tuple(inputs[k] for k in kept)
     return LinearSystem(
-        *(a[:n], b[:n], a[n:], b[n:], period, names, IN1),
+        a[:n],
+        b[:n],
+        a[n:],
+        b[n:],
+        period,
+        names,
+        IN1,
         STATE._fields[FIRST_LAW_STATE:] if shipped else tuple(f"law_{k}" for k in range(n)),
     )
 
