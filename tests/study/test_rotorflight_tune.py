@@ -143,8 +143,7 @@ def test_ordinary_flying_tells_the_loop_and_better_gains(log, tuned, tmp_path, c
         assert abs(own.value - exact[name]) < own.high - own.low, name
     assert yaw.changes
     out, data = tmp_path / "gains.txt", tmp_path / "found.json"
-    found = {log: tuned}
-    monkeypatch.setattr(rotorflight_tune, "tune_blackbox", lambda logs, **_: found[logs[0]])
+    monkeypatch.setattr(rotorflight_tune, "tune_blackbox", lambda logs, **_: {log: tuned}[logs[0]])
     assert main(["tune", str(log), "--out", str(out), "--json", str(data), "--quiet"]) == 0
     assert json.loads(data.read_text(encoding="utf-8"))["logs"] == [str(log)]
     told = capsys.readouterr().out
@@ -169,6 +168,13 @@ def test_a_flight_without_information_is_refused(tmp_path):
     found = tune_blackbox([str(saved(tmp_path, flown(60.0, sticks=0.0)))])
     assert not found.axes
     assert sum("no model of" in one and "quick stops" in one for one in found.remarks) == 3
+
+
+def test_head_speeds_that_differ_are_told(log):
+    values = np.array((one := rotorflight_tune.read_log(log).records[0]).values)
+    values[:, one.names.index("rotor_speed")] *= np.linspace(1.0, 1.1, len(one))
+    told = rotorflight_tune._droops([one, replace(one, values=values)])
+    assert ["one model doesn't hold" in text for text in told] == [False, True]
 
 
 def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):

@@ -47,7 +47,8 @@ _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary f
 # rms of the relative difference between a flight's responses and the mean of those along it, as
 # sticks move most in some of it (scripts/proof/rotorflight_study.py)
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
-_ELSEWHERE, _WIDE = 0.015, 4.0
+# Of the rotor's mean speed, between its extreme twentieths: more moves derivatives by 10 %
+_ELSEWHERE, _WIDE, _SPEEDS = 0.015, 4.0, 0.05
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
@@ -442,6 +443,9 @@ def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
                 f"{np.max(speed):.0f}; {before:.0f} in the lowest tenth of the collective, "
                 f"{after:.0f} in the highest: the governor lets it droop by "
                 f"{100.0 * (1.0 - after / before):.2g} %"
+                + "; one model doesn't hold for all of these speeds, as its derivatives go with "
+                "their square: tune flights at each head speed by themselves"
+                * bool(np.ptp(np.quantile(speed, [0.05, 0.95])) > _SPEEDS * np.mean(speed))
             )
 
 
