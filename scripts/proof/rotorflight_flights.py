@@ -67,7 +67,8 @@ def fly(vehicle, law, *, seed=0, duration=120.0, **mission):
     """Return a trajectory of everyday flying, and the loops' numbers, (n_loop, n)."""
     logging = Logging(law, vehicle, seed)
     mission, weather = Everyday(duration=duration, **mission), hs.Weather(turbulence="light")
-    plan = hs.FlightPlan(mission=mission, weather=weather)
+    goes_on = hs.FlightEnvelope(saturation=None)  # as pilots do while a tail is at its end
+    plan = hs.FlightPlan(mission=mission, weather=weather, envelope=goes_on)
     flown = vehicle.with_controller(logging.controller)
     (flight,) = simulate(flown, plan, keep_ended=True, seed=seed)
     return flight, np.array(logging.rows)[: len(flight.time)]

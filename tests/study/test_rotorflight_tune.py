@@ -170,11 +170,30 @@ def test_a_flight_without_information_is_refused(tmp_path):
     assert sum("no model of" in one and "quick stops" in one for one in found.remarks) == 3
 
 
-def test_head_speeds_that_differ_are_told(log):
-    values = np.array((one := rotorflight_tune.read_log(log).records[0]).values)
-    values[:, one.names.index("rotor_speed")] *= np.linspace(1.0, 1.1, len(one))
-    told = rotorflight_tune._droops([one, replace(one, values=values)])
-    assert ["one model doesn't hold" in text for text in told] == [False, True]
+def test_models_are_of_the_speeds_most_flown(log):
+    """A ramp of 10 % in rotor speed; 10 s of thrust tilted by 0.2 rad, as air brakes in 20 s."""
+    one, remarks = rotorflight_tune.read_log(log).records[0], []
+
+    def kept(**columns):
+        changed = np.array(one.values)
+        for name, values in columns.items():
+            changed[:, one.names.index(name)] = values
+        parts = rotorflight_tune._alike([replace(one, values=changed)], remarks)
+        return sum(part.duration for part in parts)
+
+    assert rotorflight_tune._alike([one], remarks) == [one]
+    assert not remarks
+    ramp = kept(rotor_speed=220.0 * np.linspace(1.0, 1.1, len(one)))
+    assert ramp == pytest.approx(one.duration * 1.05 * 0.05 / 0.1, abs=2.0 * PERIOD)  # its ends
+    since = one.time - one.time[0]
+    most = 9.80665 * math.tan(0.2) * 20.0
+    fast = (
+        20.0 * math.log(most * (1.0 - math.exp(-0.5)) / 8.0) + 10.0 + 20.0 * math.log1p(-8.0 / most)
+    )
+    slow = kept(psi=0.0, theta=np.where((since > 20.0) & (since < 30.0), -0.2, 0.0))
+    assert slow == pytest.approx(one.duration - fast, abs=4.0 * PERIOD)  # a sample at each end
+    assert all("one model doesn't hold for all speeds" in text for text in remarks)
+    assert re.search(r"of 41 s of 60: 0 to 8 m/s by attitude, \d+ to \d+ rpm", remarks[1])
 
 
 def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):

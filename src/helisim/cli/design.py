@@ -305,8 +305,9 @@ def tune_logs(o: Options) -> int | None:
         elif o.dump is not None:
             raise InputError("--dump is of Rotorflight's command line; these are other logs")
         else:
-            rotor_hz = o.rpm and o.rpm / 60.0
-            found = tune_log(o.logs, rotor_hz=rotor_hz, tail=o.tail_ratio, on_step=advance)
+            found = tune_log(
+                o.logs, rotor_hz=o.rpm and o.rpm / 60.0, tail=o.tail_ratio, on_step=advance
+            )
     for one in found.axes:
         print(f"{as_text(tables.tuning(one))}\n")
         if one.why:

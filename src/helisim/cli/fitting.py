@@ -418,8 +418,11 @@ def verify(o: Options) -> int:
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)
-    made = made_by("verification", fit=fit.provenance)
-    said = {"model": str(o.model), "logs": reports(logs), "provenance": made}
+    said = {
+        "model": str(o.model),
+        "logs": reports(logs),
+        "provenance": made_by("verification", fit=fit.provenance),
+    }
     write_data(o, {**verification.to_dict(), **said})
     _report(o, o.report, fit, logs, verification)
     return 0 if verification.acceptable else 1

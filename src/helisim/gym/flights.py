@@ -232,8 +232,9 @@ class Flights:
     def _observed(self) -> tuple[NDArray[np.float64], Situation]:
         motions = Motions.read(self.states, *self._motion_at)
         situation = Situation(motions, self._commands, self._actions, self._before)
-        shape = (len(self.task.observations), self.count)
-        return self._shaped("observe", self.task.observe(situation), shape), situation
+        return self._shaped(
+            "observe", self.task.observe(situation), (len(self.task.observations), self.count)
+        ), situation
 
     def _shaped(self, what: str, given: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
         if np.shape(given) != shape:

@@ -66,8 +66,10 @@ class ClosedLoop:
     @cached_property
     def _follows(self) -> Response:
         """(I - K P)^-1: commands at the actuators over what is added there."""
-        both = self._feedback @ self._plant
-        return np.asarray(np.linalg.inv(np.eye(len(self.axes)) - both), dtype=np.complex128)
+        return np.asarray(
+            np.linalg.inv(np.eye(len(self.axes)) - self._feedback @ self._plant),
+            dtype=np.complex128,
+        )
 
     def broken(self, axis: str, at: str = "actuators") -> Curve:
         """Return the loop L of one axis, all others closed."""

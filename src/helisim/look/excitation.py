@@ -315,8 +315,9 @@ def loops(
         one = best.get(actuator)
         if one is None or stick not in record:
             continue
-        columns = record.select((stick, actuator, one.output))
-        omega, cross = _cross_spectra(columns, record.sample_time, WINDOWS)
+        omega, cross = _cross_spectra(
+            record.select((stick, actuator, one.output)), record.sample_time, WINDOWS
+        )
         resolved = 2.0 * np.pi * rates.get(stick, np.inf) / SAMPLES_A_PERIOD
         cross = cross[(omega >= one.low) & (omega <= min(one.high, resolved))]
         explained, partial = between(cross)[0, 1], between(_left(cross, 1))[0, 1]

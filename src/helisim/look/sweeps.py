@@ -240,8 +240,9 @@ def _sweep(
     lies = _still(log, swept[0], min(end, swept[1])) if told is None else told
     if lies:
         complete, why = False, "not flown to its end"
-    size = abs(row["Mag"])
-    return FlownSweep(int(row["Ax"]), start - first, end - first, size, *band, complete, why, lies)
+    return FlownSweep(
+        int(row["Ax"]), start - first, end - first, abs(row["Mag"]), *band, complete, why, lies
+    )
 
 
 def told_states(log: DataFlash) -> list[tuple[float, str]]:

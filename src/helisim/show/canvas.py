@@ -99,8 +99,13 @@ def _mark(ax: Any, mark: Mark) -> None:
     elif mark.kind == "bars":
         ax.vlines(mark.x, mark.y, mark.top, linewidth=0.9 * mark.width, **look)
     elif mark.kind in ("line", "dashes"):
-        dashes = (4.0, 2.8) if mark.kind == "dashes" else ()
-        ax.plot(mark.x, mark.y, linewidth=mark.width, dashes=dashes, **look)
+        ax.plot(
+            mark.x,
+            mark.y,
+            linewidth=mark.width,
+            dashes=(4.0, 2.8) if mark.kind == "dashes" else (),
+            **look,
+        )
     else:
         face = COLOURS[mark.ink] if mark.kind == "dots" else "none"
         look |= {"markersize": 3.2 * mark.width, "markerfacecolor": face, "clip_on": False}

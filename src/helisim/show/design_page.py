@@ -100,8 +100,11 @@ def _criteria(result: DesignResult, proof: "Proof | None") -> str:
     def drawn(one: Judged) -> Drawing:
         criterion = one.nominal.criterion
         words = f"{_ASKED[one.spec.kind]}. Level 1 in {100.0 * one.share:.3g} % of the models"
-        flown = _proved(compared.get(chart_name(criterion)))
-        return draw_judged(one, flown, f"{words} drawn. {criterion.source}")
+        return draw_judged(
+            one,
+            _proved(compared.get(chart_name(criterion))),
+            f"{words} drawn. {criterion.source}",
+        )
 
     lead = (
         "Grey squares: the law before, in the identified model. Rings: the designed law, predicted "

@@ -51,9 +51,12 @@ def write_report(folder: str | Path, run: Run | None = None) -> Path:
     """
     folder = Path(folder)
     run = run or read_run(folder)
-    sections = _sections(run, make_folder(folder / FIGURES))
-    title = "The JR700 swept, identified and compared"
-    return page.write_page(folder / REPORT, title, sections, _summary(run.results))
+    return page.write_page(
+        folder / REPORT,
+        "The JR700 swept, identified and compared",
+        _sections(run, make_folder(folder / FIGURES)),
+        _summary(run.results),
+    )
 
 
 def write_fit_report(
@@ -206,8 +209,9 @@ def _sections(run: Run, folder: Path) -> list[Section]:
 
 def _sweep(axis: str, record: FlightRecord) -> Drawing:
     word, *names = _OF_SWEEP[axis]
-    shown = [name for name in names if name in record]
-    return draw_flight(f"sweep_{axis}", f"{word} sweep", record, shown)
+    return draw_flight(
+        f"sweep_{axis}", f"{word} sweep", record, [name for name in names if name in record]
+    )
 
 
 def _pairs(item: IdentifiedModel, folder: Path | None = None) -> str:

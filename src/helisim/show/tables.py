@@ -347,8 +347,9 @@ def measured_margins(found: MeasuredMargins) -> Table:
 
 def _three(found: Interval, usual: str = ".4g") -> tuple[str, ...]:
     """Return an interval's value and ends."""
-    form = interval_form(found.high - found.low, usual)
-    return numbers((found.value, found.low, found.high), form)
+    return numbers(
+        (found.value, found.low, found.high), interval_form(found.high - found.low, usual)
+    )
 
 
 def tuning(shown: AxisTuning) -> Table:

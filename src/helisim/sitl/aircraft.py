@@ -100,8 +100,9 @@ class Aircraft(Live):
         """Stand on the ground at time 0, the rotor stopped."""
         self.crashed, self._frames, self._crash_time = "", 0, 0.0
         self._slow_rotor = 0.0  # over the nominal one, without a motor
-        own = self.vehicle.parameters
-        self._shakes = Vibration(own, FRAME / 1e6, self.seed) if self._vibrates else None
+        self._shakes = (
+            Vibration(self.vehicle.parameters, FRAME / 1e6, self.seed) if self._vibrates else None
+        )
         super().reset()
         self._start = np.zeros(3)
         self._start = self._read().position

@@ -352,8 +352,13 @@ def parameters_for(
     scale = np.eye(4) if of_autopilot else scale
     # with the motor, if it has one: without, the rotor's inertia would yaw with the body
     known = model or replace(powered(vehicle, vehicle.model.opt.timestep).linearize(), delays={})
-    lean = (vehicle.trim.phi, vehicle.trim.theta)
-    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot)
+    tuning = tune(
+        known,
+        scale,
+        lean=(vehicle.trim.phi, vehicle.trim.theta),
+        late=late,
+        held=not of_autopilot,
+    )
     groups["loops, and the filters in them"] = _LOOPS
     for axis in COMMANDS:
         if axis in tuning.gains:

@@ -23,8 +23,9 @@ def local(jobs: int | None = None) -> Executor:
 
     def execute(work: Work, tasks: Sequence[Any], /) -> Results:
         left, others = len(tasks), set(active_children())
-        spawn = get_context("spawn")
-        pool = ProcessPoolExecutor(min(count, left), mp_context=spawn, initializer=_begin)
+        pool = ProcessPoolExecutor(
+            min(count, left), mp_context=get_context("spawn"), initializer=_begin
+        )
         try:
             for future in as_completed([pool.submit(work, task) for task in tasks]):
                 yield future.result()

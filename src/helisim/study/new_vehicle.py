@@ -267,8 +267,9 @@ def _texts(source: Path, name: str, airframe: Airframe | None) -> dict[str, str]
     for key, value in _TUNING.items():
         known = term(key)
         if key not in entries and known is not None:
-            source_of = "chosen: margins of 36 degrees"
-            entries[key] = PhysicalParameter(key, value, known.unit, source_of)
+            entries[key] = PhysicalParameter(
+                key, value, known.unit, "chosen: margins of 36 degrees"
+            )
     parts, terms = [*sections(), *(key.split(".")[0] for key in entries)], [*glossary(), *entries]
     ranks = {key: (parts.index(key.split(".")[0]), terms.index(key)) for key in entries}
     given = {key: entries[key] for key in sorted(entries, key=ranks.__getitem__)}

@@ -11,12 +11,14 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import setting_names
-from helisim.base.units import RAD_S_PER_RPM
+from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.design.laws import rotorflight as of
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import MOST_GAIN, margins
@@ -29,6 +31,7 @@ from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.look.vibration import blackbox_vibration
+from helisim.records.quality import stretches
 from helisim.records.record import IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.gusts import whites
@@ -47,8 +50,10 @@ _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary f
 # rms of the relative difference between a flight's responses and the mean of those along it, as
 # sticks move most in some of it (scripts/proof/rotorflight_study.py)
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
-# Of the rotor's mean speed, between its extreme twentieths: more moves derivatives by 10 %
-_ELSEWHERE, _WIDE, _SPEEDS = 0.015, 4.0, 0.05
+_ELSEWHERE, _WIDE = 0.015, 4.0
+# What one model holds for: m/s; of the rotor's median speed, with whose square derivatives go. s,
+# within which air brakes; over which the rotor's speed is averaged; of the shortest stretch
+_FAST, _SPEEDS, _BRAKES, _TURNS, _SHORT = 8.0, 0.05, 20.0, 2.0, 10.0
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
@@ -248,6 +253,7 @@ def tune_blackbox(
         )
     records = [record for one in paths for record in read_log(one).records]
     remarks += _droops(records)
+    records = _alike(records, remarks)
     if others := [
         one.name
         for one in paths[1:]  # one at a time: a log is large
@@ -443,10 +449,52 @@ def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
                 f"{np.max(speed):.0f}; {before:.0f} in the lowest tenth of the collective, "
                 f"{after:.0f} in the highest: the governor lets it droop by "
                 f"{100.0 * (1.0 - after / before):.2g} %"
-                + "; one model doesn't hold for all of these speeds, as its derivatives go with "
-                "their square: tune flights at each head speed by themselves"
-                * bool(np.ptp(np.quantile(speed, [0.05, 0.95])) > _SPEEDS * np.mean(speed))
             )
+
+
+def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRecord]:
+    """Return the stretches at the airspeed and rotor speed most flown, if they change; say so."""
+    middle = np.median(np.concatenate([_turning(one) for one in records]))
+    bins = [
+        np.array([_speed(one) // _FAST, np.rint((_turning(one) / middle - 1.0) / _SPEEDS)])
+        for one in records
+    ]
+    kinds, counts = np.unique(np.hstack(bins), axis=1, return_counts=True)
+    if counts.size == 1:
+        return [*records]
+    fast, turns = most = kinds[:, np.argmax(counts)]
+    found = [
+        one.slice(float(one.time[first]), float(one.time[last - 1]))
+        for one, own in zip(records, bins)
+        for first, last in stretches(np.all(own == most[:, None], axis=0))
+        if (last - first) * one.sample_time > _SHORT
+    ]
+    low, high = (middle / RAD_S_PER_RPM * (1.0 + _SPEEDS * (turns + side)) for side in (-0.5, 0.5))
+    remarks.append(
+        "one model doesn't hold for all speeds of these flights. Those here are of "
+        f"{sum(one.duration for one in found):.0f} s of {sum(one.duration for one in records):.0f}:"
+        f" {_FAST * fast:.0f} to {_FAST * (fast + 1.0):.0f} m/s by attitude"
+        + f", {low:.0f} to {high:.0f} rpm" * bool(middle > 1.0)
+        + "; tune flights at other speeds by themselves"
+    )
+    return found or [*records]
+
+
+def _speed(one: FlightRecord) -> Real:
+    """Return the speed, m/s, (n_time,), to which thrust leads that is tilted off its median."""
+    if not {"phi", "theta", "psi"} <= {*one.names}:
+        return np.zeros(len(one))
+    right, up = (np.tan(np.clip(x - np.median(x), -1.0, 1.0)) for x in (one["phi"], one["theta"]))
+    pushed = STANDARD_GRAVITY * (1j * right - up) * np.exp(1j * one["psi"])
+    step = one.sample_time
+    return np.abs(lfilter([step], [1.0, -math.exp(-step / _BRAKES)], pushed))
+
+
+def _turning(one: FlightRecord) -> Real:
+    """Return the rotor's mean speed over a while, rad/s, (n_time,), ones if nothing told it."""
+    if "rotor_speed" not in one.names or not np.any(one["rotor_speed"]):
+        return np.ones(len(one))
+    return uniform_filter1d(one["rotor_speed"], round(_TURNS / one.sample_time), mode="nearest")
 
 
 def _seen(

@@ -74,8 +74,9 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         )
         block[getattr(PARAM, f"{rotor}_solidity")] = blade * chord / (math.pi * radius)
         if sound := parameters["air.sound_speed"]:
-            tips = parameters[f"{rotor}_rotor.speed"] * radius
-            block[getattr(PARAM, f"{rotor}_mach")] = tips / sound
+            block[getattr(PARAM, f"{rotor}_mach")] = (
+                parameters[f"{rotor}_rotor.speed"] * radius / sound
+            )
     blades = parameters["main_rotor.blades"] * parameters["main_rotor.blade_inertia"]
     tilt, phase = parameters["main_rotor.shaft_tilt"], parameters["gyro.phase"]
     disc = TipPathPlane.of(parameters)

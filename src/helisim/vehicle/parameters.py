@@ -268,8 +268,9 @@ class Parameters(Mapping[str, float]):
         """
         entries = dict(self._entries)
         for name, value in changes.items():
-            entry = self.entry(name)
-            entries[name] = replace(entry, value=number_of(name, value), source="set by the user")
+            entries[name] = replace(
+                self.entry(name), value=number_of(name, value), source="set by the user"
+            )
         for name, known in glossary().items():
             follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {known.like}"
             if follows and known.like in changes:
