@@ -327,7 +327,7 @@ def test_stated_errors_are_the_scatter_of_many_disturbances():
     names = ("lat", "lon", *(f"y{k}" for k in range(2 * draws)))
     channels = tuple(Channel(name, "1", "OTHER", "") for name in names)
     flown = FlightRecord(0.05 * np.arange(1200), values, channels, {})
-    found = Windows([flown], names, omega, (15.0, 10.0)).estimate(names[:2], names[2:], (), ())
+    found = Windows([flown], names, omega, (15.0, 10.0)).estimate(names[:2], names[2:])
     o, i, w = np.indices((2, 2, 3)).reshape(3, -1)
     each = found.response.reshape(2, draws, 2, 3).swapaxes(0, 1)[:, o, i, w] - (1.0 - 2.0 * i)
     measured = each.T @ each.conj() / draws
@@ -563,7 +563,7 @@ def test_a_local_estimate_states_no_more_coherence_than_its_errors_allow():
     lat, gust = random.standard_normal((2, 900))
     flown = [record(lat=lat, p=np.convolve(lat, [0.5, 0.3, 0.2])[:900] + gust)]
     omega = np.geomspace(0.5, 20.0, 30)
-    found = Local(flown, ("lat", "p"), omega).estimate(["lat"], ["p"], (), ())
+    found = Local(flown, ("lat", "p"), omega).estimate(["lat"], ["p"])
     o, i, w = np.indices((1, 1, 30)).reshape(3, -1)
     variance = found.scatter.variance(o, i, w) / np.abs(found.response[0, 0]) ** 2
     assert found.random_error[0, 0] == pytest.approx(np.sqrt(0.5 * variance))
@@ -574,7 +574,7 @@ def test_a_local_estimate_states_no_more_coherence_than_its_errors_allow():
     assert not np.all(bound)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(local, "_CHUNK", 1)
-        again = Local(flown, ("lat", "p"), omega).estimate(["lat"], ["p"], (), ())
+        again = Local(flown, ("lat", "p"), omega).estimate(["lat"], ["p"])
     assert again.response == pytest.approx(found.response, rel=1e-9)
 
 
@@ -636,7 +636,7 @@ def test_a_composites_bias_is_its_gap_to_the_local_estimate_beyond_chance():
     random, omega = np.random.default_rng(4), np.geomspace(2.0, 12.0, 25)
     lat, gust = random.standard_normal((2, 2400))
     p = lfilter([0.01], np.poly(0.99 * np.exp([0.2j, -0.2j])), lat) + 0.001 * gust
-    flown, lengths, asked = [record(lat=lat, p=p)], (20.0, 12.0), (["lat"], ["p"], (), ())
+    flown, lengths, asked = [record(lat=lat, p=p)], (20.0, 12.0), (["lat"], ["p"])
     names = ("lat", "p")
     each = [condition(cross_spectra(flown, names, omega, one), ["lat"], ["p"]) for one in lengths]
     found = Windows(flown, names, omega, lengths).estimate(*asked)

@@ -118,11 +118,9 @@ def frequency_response(
 
     def estimated(names: tuple[str, ...]) -> tuple[FrequencyResponse, FrequencyResponse]:
         """Return the response to the wanted inputs, and the one to all that are active."""
-        found = method.estimate(active, measured, (), names)
+        found = method.estimate(active, measured, names)
         if poorer is not None:
-            found = with_gap(
-                found, frequency, poorer.estimate(active, measured, (), names).response
-            )
+            found = with_gap(found, frequency, poorer.estimate(active, measured, names).response)
         whole = FrequencyResponse(
             frequency=frequency,
             response=found.response,

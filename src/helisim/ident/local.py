@@ -76,18 +76,17 @@ class Local:
         self,
         inputs: Sequence[str],
         outputs: Sequence[str],
-        others: Sequence[str],
-        reference: Sequence[str],
+        reference: Sequence[str] = (),
     ) -> Estimate:
         """Return the responses, averaged over bandwidths, with their errors."""
-        active, frequency = (*inputs, *others), self._frequency
-        if tuple(reference) == active:
+        frequency = self._frequency
+        if tuple(reference) == tuple(inputs):
             reference = ()
         task = Task(
             lines=self._lines,
-            drive=self._lines.places(reference or active),
+            drive=self._lines.places(reference or inputs),
             output=self._lines.places(outputs),
-            active=self._lines.places(active) if reference else [],
+            active=self._lines.places(inputs) if reference else [],
             n_in=len(inputs),
             frequency=frequency,
         )

@@ -43,11 +43,10 @@ class Predictor(Local):
         self,
         inputs: Sequence[str],
         outputs: Sequence[str],
-        others: Sequence[str],
-        reference: Sequence[str],
+        reference: Sequence[str] = (),
     ) -> Estimate:
         """Return the responses with their errors."""
-        names, n_out, omega = (*outputs, *inputs, *others), len(outputs), self._frequency
+        names, n_out, omega = (*outputs, *inputs), len(outputs), self._frequency
         longest = max(one.sample_time for one in self._records)
         jumps = bool({*outputs} & {*ACCELERATIONS})
         tick = max(round((_AT_ONCE if jumps else _TICK) / (omega[-1] * longest)), 1) * longest
@@ -96,11 +95,11 @@ class Predictor(Local):
             seen = turned.T @ last
             kernel = np.einsum("fw,wso->fos", lag, (root @ seen).reshape(-1, len(names), n_out))
             inverse = np.linalg.inv(np.eye(n_out) - kernel[:, :, :n_out])
-            whole = inverse @ kernel[:, :, n_out : n_out + len(inputs)]
+            whole = inverse @ kernel[:, :, n_out:]
             return whole, inverse, root, last - turned @ seen
 
         (other, *_), (whole, inverse, root, rest) = (solved(*one[1:]) for one in (path * 2)[-2:])
-        own = np.tile(np.eye(len(inputs), len(names) - n_out), (omega.size, 1, 1))
+        own = np.tile(np.eye(len(inputs)), (omega.size, 1, 1))
         by = lag[:, None, :, None] * np.concatenate([whole.swapaxes(1, 2), own], axis=2)[:, :, None]
         weight = by.reshape(omega.size, len(inputs), -1) @ (root * np.sqrt(np.pi / tick))
         noise = (

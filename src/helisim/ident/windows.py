@@ -298,13 +298,11 @@ class Windows:
         self,
         inputs: Sequence[str],
         outputs: Sequence[str],
-        others: Sequence[str],
-        reference: Sequence[str],
+        reference: Sequence[str] = (),
     ) -> Estimate:
         """Return the composite; its bias is the gap to the local estimate beyond chance."""
-        signals = inputs, outputs, others, reference
-        each = [condition(one, *signals) for one in self._spectra]
-        found, local = compose(each), self._local.estimate(*signals)
+        each = [condition(one, inputs, outputs, reference=reference) for one in self._spectra]
+        found, local = compose(each), self._local.estimate(inputs, outputs, reference)
         size = np.maximum(np.abs(found.response), 1e-300)
         apart = found.response - local.response
         gap = (np.abs(apart) / size) ** 2

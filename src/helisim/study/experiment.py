@@ -270,7 +270,7 @@ def sweep_coherence(record: FlightRecord, axis: str) -> float:
     w_min, w_max = record.provenance["excitation"]["band"]
     band, motion = (max(1.0, w_min), 0.8 * w_max), swept.rate or swept.angle
     local = Local([record], (swept.stick, motion), grid(band))
-    return float(np.mean(local.estimate([swept.stick], [motion], (), ()).coherence))
+    return float(np.mean(local.estimate([swept.stick], [motion]).coherence))
 
 
 def _fly_doublets(
