@@ -245,8 +245,9 @@ def _adapted(o: Options, structure: "Structure") -> "Structure":
     fixed = numbers_by_name("--fix", [value for value, *_ in apart])
     named = [f"{value.partition('=')[0]}={error}" for value, *errors in apart for error in errors]
     errors = numbers_by_name("--fix NAME=VALUE+-ERROR:", named)
-    starts = numbers_by_name("--start", o.start)
-    freed = structure.with_bounds(dict.fromkeys(bounds)).with_starts(starts)
+    freed = structure.with_bounds(dict.fromkeys(bounds)).with_starts(
+        numbers_by_name("--start", o.start)
+    )
     return freed.with_bounds(bounds).with_fixed(fixed, errors)
 
 

@@ -83,8 +83,10 @@ class ClosedLoop:
 
     def disturbance(self, axis: str, place: str = "sensors") -> Curve:
         """Return the sensed angle over a disturbance of it, at "attitude" of that without rate."""
-        given = self._commanded(place, axis)
-        return Curve(self.frequency, 1.0 + self._moved(given, axis_of(axis).angle))
+        return Curve(
+            self.frequency,
+            1.0 + self._moved(self._commanded(place, axis), axis_of(axis).angle),
+        )
 
     def command(self, axis: str, output: str | None = None) -> Curve:
         """Return an output over the axis's stick."""

@@ -23,6 +23,7 @@ __all__ = [
     "named",
     "rollpitch",
     "rollpitch_inflow",
+    "rollpitch_round",
     "rollpitch_speeds",
     "rollpitch_tied",
     "transfer_function",
@@ -439,6 +440,23 @@ rollpitch_speeds = _built(
         "theta": {"q": "1"},
     },
 )
+# What is odd: the JR700 has 0.18, -0.02, 0.01 and 0, the Blade 360 0.04, -0.04, 0.02 and 0
+rollpitch_round = _built(
+    "rollpitch_round",
+    "as rollpitch_speeds, of a round rotor and equal servos, for short or gusty flights: what is "
+    "odd is taken as 0 +- 0.05, 0.03 and 1 ms, but for odd_cross, which is free",
+    "tau_f L_b M_a B_a B_lat B_lon tau_lat A_u A_v L_p M_q X_u Y_v L_v M_u "
+    "odd_cross odd_gain odd_phase odd_delay",
+    *rollpitch_speeds.parameters,
+    Parameter("odd_cross", "1", 0.0, None, "A_b + B_a", 0.1),
+    Parameter("odd_gain", "1", 0.0, None, "A_lon / B_lat - 1", 0.1, True, 0.05),
+    Parameter("odd_phase", "1", 0.0, None, "(A_lat + B_lon) / B_lat", 0.1, True, 0.03),
+    Parameter("odd_delay", "s", 0.0, None, "tau_lon - tau_lat", 0.01, True, 0.001),
+    like=rollpitch_speeds,
+    F={"a": {"b": "odd_cross - B_a"}},
+    G={"a": {"lat": "odd_phase*B_lat - B_lon", "lon": "(1 + odd_gain)*B_lat"}},
+    delays={"input_delays": {"lat": "tau_lat", "lon": "tau_lat + odd_delay"}},
+)
 # Mettler, Tischler and Kanade's hover model of the Yamaha R-50 (J. AHS 47, 2002), reduced
 hover = _built(
     "hover",
@@ -477,7 +495,7 @@ BUILT_IN: dict[str, Structure] = {
     structure.name: structure
     for structure in (
         *(heave, heave_imu, heave_inflow, yaw_base, yaw_alone, yaw_sway, yaw_gyro, yaw_overall),
-        *(rollpitch, rollpitch_tied, rollpitch_inflow, rollpitch_speeds),
+        *(rollpitch, rollpitch_tied, rollpitch_inflow, rollpitch_speeds, rollpitch_round),
         *(hover, hover_imu, hover_inflow),
     )
 }

@@ -231,8 +231,9 @@ class FlightPlan(Brief, Displayed):
     def digest(self) -> str:
         """Digest of every setting: equal plans have one."""
         plain = json.loads(json.dumps(self.to_dict()), parse_int=float)  # 2 is 2.0
-        text = json.dumps(plain, sort_keys=True)
-        return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+        return hashlib.blake2b(
+            json.dumps(plain, sort_keys=True).encode(), digest_size=16
+        ).hexdigest()
 
     def on(self, vehicle: Vehicle) -> "FlightPlan":
         """Return the plan with what is left open filled in by a vehicle's own parameters."""

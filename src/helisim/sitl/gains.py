@@ -135,8 +135,9 @@ class Commanded:
         to = [IN1.index(name) for name in self.inputs]
         moved = np.einsum("yuf,uc->ycf", whole, self.scale[np.ix_(by, to)])
         held = [0.5 / LOOP_RATE + _LATE[name] if self.held else 0.0 for name in self.inputs]
-        late = self.late + np.array(held)
-        return np.asarray(moved * np.exp(-1j * late[:, None] * np.asarray(frequency)))
+        return np.asarray(
+            moved * np.exp(-1j * np.add(self.late, held)[:, None] * np.asarray(frequency))
+        )
 
 
 class Tuning(NamedTuple):

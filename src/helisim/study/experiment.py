@@ -334,8 +334,9 @@ def servo_test(
     The front servo stands for the swashplate's. Raises IdentificationError: it doesn't follow.
     """
     recorder = recorder or Recorder.of(vehicle)
-    encoders = dict.fromkeys(SERVO_POSITIONS, _ENCODER)
-    reading = replace(recorder, rotor=True, noise={**recorder.noise, **encoders})
+    reading = replace(
+        recorder, rotor=True, noise={**recorder.noise, **dict.fromkeys(SERVO_POSITIONS, _ENCODER)}
+    )
     held = hold(vehicle, "bench")
     findings: list[Finding] = []
     for which, stick, servo, more in _TESTS:

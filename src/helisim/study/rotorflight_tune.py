@@ -58,7 +58,7 @@ _FAST, _SPEEDS, _BRAKES, _TURNS, _SHORT = 8.0, 0.05, 20.0, 2.0, 10.0
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
     (
-        structures.rollpitch_speeds.with_fixed(
+        structures.rollpitch_round.with_fixed(
             {"A_u": 0.003, "A_v": 0.0}, {"A_u": 0.002, "A_v": 0.007}
         ),
         ("ped", "col"),
@@ -66,6 +66,7 @@ _FITS = (
     (structures.yaw_alone, ("lat", "lon", "col")),
     (structures.heave_imu, ("lat", "lon", "ped")),
 )
+_ODD = 0.15  # A_b + B_a, of the usual rotor: taken for it where a flight tells it no better
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
 _TERMS = "pidfbo"  # in the header's order, which has O elsewhere
@@ -381,7 +382,11 @@ def _models(
                 max(one.sample_time for one in records),
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
-            fit = identify(estimate, own, band=followed_band(estimate, own, _BAND))
+            band = followed_band(estimate, own, _BAND)
+            fit = identify(estimate, own, band=band)
+            if "odd_cross" in own.names and not fit.parameters["odd_cross"].standard_error < _ODD:
+                tied = own.with_fixed({"odd_cross": 0.0}, {"odd_cross": _ODD})
+                fit = identify(estimate, tied, band=band)
             if blind := [
                 *(k for k, x in fit.parameters.items() if math.isinf(x.standard_error)),
                 *(
