@@ -17,6 +17,8 @@ from helisim.ident import Parameter, Structure, identify, structures
 from helisim.ident.evaluate import linear, response
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program, value_at
 from helisim.ident.structures import transfer_function
+from helisim.study.rotorflight_tune import _ODD
+from helisim.vehicle import load
 from ident_data import of_model
 from tabled import rows, tabled
 
@@ -199,6 +201,25 @@ def test_starts_are_orders_of_magnitude():
         for one in structure.parameters:
             assert float(f"{one.start:.1g}") == one.start or structure.name == "yaw_overall"
             assert f"{abs(one.start):e}"[0] in "13457" if one.start else one.scale
+
+
+@pytest.mark.parametrize("name", ["jr700", "blade360"])
+def test_a_round_rotor_is_every_rotor_but_for_what_is_odd(name):
+    """What the models' exact linearisations have is within two of the errors that are taken."""
+    d = load(name).derivatives
+    odd = {
+        "odd_cross": d["A_b"] + d["B_a"],
+        "odd_gain": d["A_lon"] / d["B_lat"] - 1.0,
+        "odd_phase": (d["A_lat"] + d["B_lon"]) / d["B_lat"],
+        "odd_delay": 3e-4,
+    }
+    free, tied = structures.rollpitch_speeds, structures.rollpitch_round
+    known = {one: d.get(one, 0.0) for one in free.names} | {"tau_lat": 0.02, "tau_lon": 0.0203}
+    omega = np.geomspace(2.0, 45.0, 9)
+    same = response(tied, {one: (known | odd)[one] for one in tied.names}, omega)
+    np.testing.assert_allclose(same, response(free, known, omega), rtol=1e-9)
+    errors = {one.name: one.error for one in tied.parameters} | {"odd_cross": _ODD}
+    assert all(abs(value) < 2.0 * errors[one] for one, value in odd.items())
 
 
 @pytest.mark.parametrize("order", [2, 3])
