@@ -253,8 +253,6 @@ def tune_blackbox(
             "defaults are taken; give a dump of the command line (diff all)"
         )
     records = [record for one in paths for record in read_log(one).records]
-    remarks += _droops(records)
-    records = _alike(records, remarks)
     if others := [
         one.name
         for one in paths[1:]  # one at a time: a log is large
@@ -265,6 +263,8 @@ def tune_blackbox(
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
     law = law_of_log(first, told, float(np.mean(np.concatenate([one["col"] for one in records]))))
+    records = _alike(records, remarks)
+    remarks += _droops(records)
     today = Feedback(law, period, {})
     on_step("vibration")
     heard = blackbox_vibration(first, today.felt)
@@ -360,7 +360,7 @@ def _models(
             if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
         )
 
-    for own, others in _FITS:
+    for own, others in _FITS if records else ():
         if motor_tail and "ped" in own.inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
@@ -442,19 +442,22 @@ def _lift(fit: Fit) -> str:
 
 def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
     """Yield how the rotor's speed falls while the collective is high, by their extreme tenths."""
-    for one in records:
-        if {"rotor_speed", "col"} <= {*one.names} and np.ptp(one["col"]) > 0.0:
-            col, speed = one["col"], one["rotor_speed"] / RAD_S_PER_RPM
-            before, after = (
-                np.mean(speed[some])
-                for some in (col <= np.quantile(col, 0.1), col >= np.quantile(col, 0.9))
-            )
-            yield (
-                f"rotor speed: {np.mean(speed):.0f} rpm, {np.min(speed):.0f} to "
-                f"{np.max(speed):.0f}; {before:.0f} in the lowest tenth of the collective, "
-                f"{after:.0f} in the highest: the governor lets it droop by "
-                f"{100.0 * (1.0 - after / before):.2g} %"
-            )
+    told = [
+        one.select(("col", "rotor_speed"))
+        for one in records
+        if "rotor_speed" in one and np.any(one["rotor_speed"]) and np.ptp(one["col"])
+    ]
+    if told:
+        col, speed = np.concatenate(told).T / [[1.0], [RAD_S_PER_RPM]]
+        before, after = (
+            np.mean(speed[some])
+            for some in (col <= np.quantile(col, 0.1), col >= np.quantile(col, 0.9))
+        )
+        yield (
+            f"rotor speed: {np.mean(speed):.0f} rpm, {np.min(speed):.0f} to {np.max(speed):.0f}; "
+            f"{before:.0f} in the lowest tenth of the collective, {after:.0f} in the highest: the "
+            f"governor lets it droop by {100.0 * (1.0 - after / before):.2g} %"
+        )
 
 
 def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRecord]:
@@ -476,13 +479,18 @@ def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRe
     ]
     low, high = (middle / RAD_S_PER_RPM * (1.0 + _SPEEDS * (turns + side)) for side in (-0.5, 0.5))
     remarks.append(
-        "one model doesn't hold for all speeds of these flights. Those here are of "
-        f"{sum(one.duration for one in found):.0f} s of {sum(one.duration for one in records):.0f}:"
-        f" {_FAST * fast:.0f} to {_FAST * (fast + 1.0):.0f} m/s by attitude"
-        + f", {low:.0f} to {high:.0f} rpm" * bool(middle > 1.0)
-        + "; tune flights at other speeds by themselves"
+        "one model doesn't hold for all speeds of these flights. "
+        + (
+            f"Those here are of {sum(one.duration for one in found):.0f} s of "
+            f"{sum(one.duration for one in records):.0f}: {_FAST * fast:.0f} to "
+            f"{_FAST * (fast + 1.0):.0f} m/s by attitude"
+            + f", {low:.0f} to {high:.0f} rpm" * bool(middle > 1.0)
+            + "; tune flights at other speeds by themselves"
+            if found
+            else f"None lasts for {_SHORT:g} s, so there is no model; {_FLY}"
+        )
     )
-    return found or [*records]
+    return found
 
 
 def _speed(one: FlightRecord) -> Real:
