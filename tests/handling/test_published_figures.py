@@ -23,7 +23,7 @@ from helisim.handling.figures import (
 )
 from helisim.handling.loop import GRID, Curve
 from helisim.handling.measured.interval import figures_of
-from tabled import tabled
+from tabled import rows, tabled
 
 FINE = np.geomspace(0.05, 300.0, 2000)
 
@@ -103,15 +103,8 @@ def test_modes_of_a_helicopter():
 
 
 _TRANSPORT = LinearSystem(
-    [
-        [-0.0082354, 18.938, -32.170, 0.0, 5.9022e-05, 0.0],
-        [-0.00025617, -0.56761, 0.0, 1.0, 2.2633e-06, 0.0],
-        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-        [1.3114e-05, -1.4847, 0.0, -0.47599, -1.4947e-07, 0.019781],
-        [0.0, -500.0, 500.0, 0.0, 0.0, 0.0],
-        [0.0, 0.0, 0.0, 0.0, 0.0, -10.0],
-    ],
-    [[0.0], [0.0], [0.0], [0.0], [0.0], [10.0]],
+    rows(globals(), "_TRANSPORT"),
+    [[0.0]] * 5 + [[10.0]],
     57.296 * np.eye(6)[2:4],
     np.zeros((2, 1)),
     None,

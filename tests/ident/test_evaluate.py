@@ -11,7 +11,7 @@ from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident.evaluate import Sensitivity, linear, response
 from ident_data import response_and_slope, slopes
-from tabled import tabled
+from tabled import rows, tabled
 
 GRID = np.geomspace(0.5, 20.0, 15)
 
@@ -75,20 +75,7 @@ def test_what_is_undefined_is_not_finite():
 WIDE = np.geomspace(0.4, 30.0, 40)
 
 
-LATE = Structure(
-    name="late",
-    parameters=(
-        *(Parameter("a", "1/s", -1.5), Parameter("b", "1", 3.0), Parameter("tau_in", "s", 0.04)),
-        *(Parameter("tau_p", "s", 0.03), Parameter("tau_q", "s", -0.02)),
-    ),
-    states=("p", "q"),
-    inputs=("lat", "lon"),
-    outputs=("p", "q"),
-    F=(("a", "0.4"), ("0", "2*a")),
-    G=(("b", "0"), ("1", "b")),
-    input_delays={"lat": "tau_in"},
-    output_delays={"p": "tau_p", "q": "tau_q"},
-)
+LATE = Structure(**dict(rows(globals(), "LATE")))
 SIDE = Structure.from_dict(tomllib.loads(GOOD))
 """With H1, D, delays on both sides and a tied parameter."""
 

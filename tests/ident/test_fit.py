@@ -19,7 +19,7 @@ from script import SCRIPTS
 sys.path.insert(0, str(SCRIPTS / "proof"))
 from delay_study import study
 
-from tabled import tabled
+from tabled import rows, tabled
 
 
 def gain(*, inputs=("lat",), cell="K", names=("K",)):
@@ -231,19 +231,7 @@ def test_each_delay_of_a_structure_is_scanned_whatever_the_signs():
 
 KNOWN_GRID = np.geomspace(0.5, 20.0, 30)
 AT = 1j * KNOWN_GRID
-BEHIND_SERVO = Structure(
-    name="behind_servo",
-    parameters=(
-        *(Parameter("N_r", "1/s", -1.0), Parameter("N_ped", "1/s^2", 10.0)),
-        Parameter("lag", "s", 0.05, fixed=True, error=0.01),
-    ),
-    states=("r", "behind"),
-    inputs=("ped",),
-    outputs=("r",),
-    F=(("N_r", "N_ped"), ("0", "-1")),
-    G=(("0",), ("1",)),
-    M=(("1", "0"), ("0", "lag")),
-)
+BEHIND_SERVO = Structure(**dict(rows(globals(), "BEHIND_SERVO")))
 
 
 def yaw_data(found, **options):

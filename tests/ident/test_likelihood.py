@@ -10,24 +10,7 @@ from helisim.ident.evaluate import delayed, linear, simulate
 from ident_data import ROLLPITCH, YAW, record  # noqa: F401  (rows name them)
 from tabled import rows, tabled
 
-SHORT_PERIOD = Structure.from_dict(
-    {
-        "name": "short_period",
-        "states": ["w", "q"],
-        "inputs": ["lon"],
-        "outputs": ["w", "q"],
-        "constants": {"U": 50.0},
-        "parameters": {
-            "Z_w": {"unit": "1/s", "start": -1.0},
-            "M_w": {"unit": "rad/(m s)", "start": -0.05},
-            "M_q": {"unit": "1/s", "start": -1.0},
-            "Z_de": {"unit": "m/s^2", "start": -5.0},
-            "M_de": {"unit": "1/s^2", "start": -5.0},
-        },
-        "F": [["Z_w", "U"], ["M_w", "M_q"]],
-        "G": [["Z_de"], ["M_de"]],
-    }
-)
+SHORT_PERIOD = Structure.from_dict(dict(rows(globals(), "SHORT_PERIOD")))
 AIRCRAFT = {"Z_w": -1.6, "M_w": -0.09, "M_q": -2.2, "Z_de": -8.0, "M_de": -11.0}
 DOUBLET, THREETWOONEONE = ((1, 1), (1, -1)), ((3, 1), (2, -1), (1, 1), (1, -1))
 

@@ -18,21 +18,7 @@ from helisim.vehicle import load
 from tabled import rows, tabled
 
 SHORT = hs.Sweep(axis="lat", duration=8.0, trim_time=1.0)
-FULL = hs.FlightPlan(
-    excitation=hs.Doublet(axis="ped", amplitude=0.05, width=0.4),
-    pilot=hs.Pilot(remnant=0.001),
-    recorder=hs.Recorder(rate_hz=200.0, noise={"p": 0.01}, latency={"r": 0.02}),
-    weather=hs.Weather(rms=(1.0, 2.0, 0.5), gust=hs.Gust(down=2.0), wind=3.0),
-    faults=(
-        hs.SampleLoss(share=0.01),
-        hs.ServoStuck(servo="servo_tail", at=3.0),
-        hs.RecordGap(at=4.0, lasts=0.1),
-    ),
-    ground=hs.Ground(
-        effect=0.4, deck=hs.Deck(width=4.0, heave=hs.Swing(amplitude=0.5, period=6.0))
-    ),
-    envelope=hs.FlightEnvelope(tilt=0.8, descent=None, touchdown=1.0),
-)
+FULL = hs.FlightPlan(**dict(rows(globals(), "FULL")))
 PLANS = dict(rows(globals(), "PLANS"))
 
 
