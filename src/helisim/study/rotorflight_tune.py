@@ -442,12 +442,11 @@ def _lift(fit: Fit) -> str:
 
 def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
     """Yield how the rotor's speed falls while the collective is high, by their extreme tenths."""
-    told = [
+    if told := [
         one.select(("col", "rotor_speed"))
         for one in records
         if "rotor_speed" in one and np.any(one["rotor_speed"]) and np.ptp(one["col"])
-    ]
-    if told:
+    ]:
         col, speed = np.concatenate(told).T / [[1.0], [RAD_S_PER_RPM]]
         before, after = (
             np.mean(speed[some])
@@ -462,7 +461,8 @@ def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
 
 def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRecord]:
     """Return the stretches at the airspeed and rotor speed most flown, if they change; say so."""
-    middle = np.median(np.concatenate([_turning(one) for one in records]))
+    turning = np.concatenate([_turning(one) for one in records])
+    middle = np.median(turning[turning > 0.5 * turning.max()])  # not of a rotor that hardly turns
     bins = [
         np.array([_speed(one) // _FAST, np.rint((_turning(one) / middle - 1.0) / _SPEEDS)])
         for one in records
@@ -470,7 +470,7 @@ def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRe
     kinds, counts = np.unique(np.hstack(bins), axis=1, return_counts=True)
     if counts.size == 1:
         return [*records]
-    fast, turns = most = kinds[:, np.argmax(counts)]
+    fast, turns = most = kinds[:, np.argmax(counts * (kinds[1] * _SPEEDS > -0.5))]
     found = [
         one.slice(float(one.time[first]), float(one.time[last - 1]))
         for one, own in zip(records, bins)
