@@ -85,9 +85,9 @@ _WHYS = {
     "f": "the command that holds the rate of the setpoint",
 }
 _FLY = (
-    "fly for two minutes or more in calm air with quick stops and reversals of each stick by "
-    "itself, climbs and pitch pumps, too, and log setpoint, mixer, PID, gyro, attitude and "
-    "accelerometer at 250 Hz or more"
+    "fly for two minutes or more at one head speed in calm air with quick stops and reversals of "
+    "each stick by itself, climbs and pitch pumps, too, and log setpoint, mixer, PID, gyro, "
+    "attitude and accelerometer at 250 Hz or more"
 )
 
 
