@@ -9,6 +9,7 @@ from scipy.signal import bessel, lfilter
 
 import helisim as hs
 from helisim.design.laws import rotorflight_kernel as kernel
+from helisim.design.laws.rotorflight import TAIL_PITCH
 from helisim.sim.flight import simulate
 from helisim.sim.missions import Everyday
 
@@ -75,7 +76,10 @@ def fly(vehicle, law, *, seed=0, duration=120.0, **mission):
 
 
 def columns(vehicle, law, flight, loops):
-    """Return the columns of a log of Rotorflight 4.6, of each loop: name -> integers."""
+    """Return the columns of a log of Rotorflight 4.6, of each loop: name -> integers.
+
+    The mixer's limits, within which it logs its inputs, are the ends of the tail's linkage.
+    """
     seen, own = dict(zip(hs.Seen._fields, loops.T)), loops[:, len(hs.Seen._fields) :]
     forces = np.array([seen["ax"], -seen["ay"], -seen["az"]]) / 9.80665
     forces += SHAKEN[0] * np.random.default_rng(len(loops)).standard_normal(forces.shape)
@@ -83,6 +87,8 @@ def columns(vehicle, law, flight, loops):
     low_pass = bessel(2, ACC_LPF, norm="mag", fs=1.0 / np.median(np.diff(seen["time"])))
     forces = forces[:, :1] + lfilter(*low_pass, forces - forces[:, :1])
     wanted, gyro, terms, mixer, ahead = np.split(own, [4, 7, 25, 29], axis=1)
+    ends = np.outer([-0.5, 0.5], law.yaw.range) - law.yaw.centre
+    mixer = np.column_stack([*mixer.T[:2], np.clip(mixer[:, 2], *ends / TAIL_PITCH), mixer[:, 3]])
     terms = terms.reshape(-1, 3, 6)
     terms[:, 2, 3] += ahead[:, 0]  # in yaw's F
     sticks = np.array([2.0 * seen["LAT"], -2.0 * seen["LON"], 2.0 * seen["PED"]])
