@@ -209,10 +209,8 @@ class GlfwWindow:
         with opening() as glfw:
             glfw.default_window_hints()
             glfw.window_hint(glfw.SAMPLES, int(flight.model.vis.quality.offsamples))
-            self._glfw, self._window = (
-                glfw,
-                glfw.create_window(*size, f"helisim: {flight.vehicle.name} by hand", None, None),
-            )
+            title = f"helisim: {flight.vehicle.name} by hand"
+            self._glfw, self._window = glfw, glfw.create_window(*size, title, None, None)
         glfw.make_context_current(self._window)
         glfw.swap_interval(1)
         glfw.set_input_mode(self._window, glfw.STICKY_KEYS, True)  # a short tap is seen, too

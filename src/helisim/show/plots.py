@@ -242,13 +242,8 @@ def draw_compared(
             if record is not None and channel in record:
                 values, unit = values_for_people(channel, record[channel], record.unit(channel))
                 ink: Ink = "grey" if label == "before" else "identified"
-                marks.append(
-                    Mark(
-                        *("line", ink, record.time, values),
-                        label="" if panels else label,
-                        width=1.1,
-                    )
-                )
+                word = "" if panels else label
+                marks.append(Mark("line", ink, record.time, values, label=word, width=1.1))
         if marks:
             panels.append(Panel(labelled(channel, unit), tuple(marks), 62.0))
     return Drawing(

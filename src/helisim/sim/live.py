@@ -71,11 +71,8 @@ class Live:
     @property
     def pose(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         """Time, s, position of the IMU, (3,) m NED, and rotation from body to earth, (3, 3)."""
-        return (
-            self.data.time,
-            np.array(flip(*self._imu.xpos)),
-            FLIPS * self._body.xmat.reshape(3, 3),
-        )
+        turn = FLIPS * self._body.xmat.reshape(3, 3)
+        return self.data.time, np.array(flip(*self._imu.xpos)), turn
 
     @property
     def clearance(self) -> float:

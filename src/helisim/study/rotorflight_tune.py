@@ -5,20 +5,17 @@ all gains. Settings and units: design.laws.rotorflight.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
 
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
 from helisim.base.settings import setting_names
-from helisim.base.units import RAD_S_PER_RPM, STANDARD_GRAVITY
 from helisim.design.laws import rotorflight as of
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import MOST_GAIN, margins
@@ -29,9 +26,9 @@ from helisim.ident import Fit, FrequencyResponse, Structure, blocks, identify, i
 from helisim.logs.blackbox import Blackbox, open_blackbox, read_dump
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
+from helisim.look.speeds import droop, most_flown
 from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.look.vibration import blackbox_vibration
-from helisim.records.quality import stretches
 from helisim.records.record import IN1, IN2, RATES, FlightRecord, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.gusts import whites
@@ -52,9 +49,6 @@ _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary f
 # its pitch is 6 to 9 % less at 3 m/s than in the hover
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
 _ELSEWHERE, _TURNED, _WIDE = 0.015, 0.035, 4.0
-# What one model holds for: m/s; of the rotor's median speed, with whose square derivatives go. s,
-# within which air brakes; over which the rotor's speed is averaged; of the shortest stretch
-_FAST, _SPEEDS, _BRAKES, _TURNS, _SHORT = 8.0, 0.05, 20.0, 2.0, 10.0
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
 _FITS = (
@@ -264,8 +258,8 @@ def tune_blackbox(
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
     law = law_of_log(first, told, float(np.mean(np.concatenate([one["col"] for one in records]))))
-    records = _alike(records, remarks)
-    remarks += _droops(records)
+    records, said = most_flown(records)
+    remarks += [*said, *droop(records)]
     today = Feedback(law, period, {})
     on_step("vibration")
     heard = blackbox_vibration(first, today.felt)
@@ -439,76 +433,6 @@ def _lift(fit: Fit) -> str:
         f"heave: a degree more of collective lifts it by {by} m/s^2, {late} ms late, and climbing "
         f"brakes it by {damping} of its speed a second; {fit.verdict}; no gain holds heave"
     )
-
-
-def _droops(records: Sequence[FlightRecord]) -> Iterator[str]:
-    """Yield how the rotor's speed falls while the collective is high, by their extreme tenths."""
-    if told := [
-        one.select(("col", "rotor_speed"))
-        for one in records
-        if "rotor_speed" in one and np.any(one["rotor_speed"]) and np.ptp(one["col"])
-    ]:
-        col, speed = np.concatenate(told).T / [[1.0], [RAD_S_PER_RPM]]
-        before, after = (
-            np.mean(speed[some])
-            for some in (col <= np.quantile(col, 0.1), col >= np.quantile(col, 0.9))
-        )
-        yield (
-            f"rotor speed: {np.mean(speed):.0f} rpm, {np.min(speed):.0f} to {np.max(speed):.0f}; "
-            f"{before:.0f} in the lowest tenth of the collective, {after:.0f} in the highest: the "
-            f"governor lets it droop by {100.0 * (1.0 - after / before):.2g} %"
-        )
-
-
-def _alike(records: Sequence[FlightRecord], remarks: list[str]) -> list[FlightRecord]:
-    """Return the stretches at the airspeed and rotor speed most flown, if they change; say so."""
-    turning = np.concatenate([_turning(one) for one in records])
-    middle = np.median(turning[turning > 0.5 * turning.max()])  # not of a rotor that hardly turns
-    bins = [
-        np.array([_speed(one) // _FAST, np.rint((_turning(one) / middle - 1.0) / _SPEEDS)])
-        for one in records
-    ]
-    kinds, counts = np.unique(np.hstack(bins), axis=1, return_counts=True)
-    if counts.size == 1:
-        return [*records]
-    fast, turns = most = kinds[:, np.argmax(counts * (kinds[1] * _SPEEDS > -0.5))]
-    found = [
-        one.slice(float(one.time[first]), float(one.time[last - 1]))
-        for one, own in zip(records, bins)
-        for first, last in stretches(np.all(own == most[:, None], axis=0))
-        if (last - first) * one.sample_time > _SHORT
-    ]
-    low, high = (middle / RAD_S_PER_RPM * (1.0 + _SPEEDS * (turns + side)) for side in (-0.5, 0.5))
-    remarks.append(
-        "one model doesn't hold for all speeds of these flights. "
-        + (
-            f"Those here are of {sum(one.duration for one in found):.0f} s of "
-            f"{sum(one.duration for one in records):.0f}: {_FAST * fast:.0f} to "
-            f"{_FAST * (fast + 1.0):.0f} m/s by attitude"
-            + f", {low:.0f} to {high:.0f} rpm" * bool(middle > 1.0)
-            + "; tune flights at other speeds by themselves"
-            if found
-            else f"None lasts for {_SHORT:g} s, so there is no model; {_FLY}"
-        )
-    )
-    return found
-
-
-def _speed(one: FlightRecord) -> Real:
-    """Return the speed, m/s, (n_time,), to which thrust leads that is tilted off its median."""
-    if not {"phi", "theta", "psi"} <= {*one.names}:
-        return np.zeros(len(one))
-    right, up = (np.tan(np.clip(x - np.median(x), -1.0, 1.0)) for x in (one["phi"], one["theta"]))
-    pushed = STANDARD_GRAVITY * (1j * right - up) * np.exp(1j * one["psi"])
-    step = one.sample_time
-    return np.abs(lfilter([step], [1.0, -math.exp(-step / _BRAKES)], pushed))
-
-
-def _turning(one: FlightRecord) -> Real:
-    """Return the rotor's mean speed over a while, rad/s, (n_time,), ones if nothing told it."""
-    if "rotor_speed" not in one.names or not np.any(one["rotor_speed"]):
-        return np.ones(len(one))
-    return uniform_filter1d(one["rotor_speed"], round(_TURNS / one.sample_time), mode="nearest")
 
 
 def _seen(
