@@ -220,7 +220,8 @@ def test_a_minute_of_flying_a_stiff_rotor_tells_roll_and_pitch(tmp_path, monkeyp
 def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
     (fit,) = (one for one in tuned.fits if one.structure.name == "heave_imu")
     late = PERIOD * LATE  # from sample to sample
-    for name, true, wide in (("Z_w", Z_W, 0.4), ("Z_col", Z_COL, 20.0), ("tau_col", late, 0.01)):
+    # of a minute, and of 6 % by which Z_w's band may differ along a flight at its lower edge
+    for name, true, wide in (("Z_w", Z_W, 0.5), ("Z_col", Z_COL, 20.0), ("tau_col", late, 0.01)):
         low, high = fit.parameters[name].interval
         assert low < true < high < low + wide, name
     assert {one.kind for one in fit.verdict.reasons} <= {"lost"}  # steps in whole counts
@@ -253,6 +254,7 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, columns,
 
 
 def test_a_loop_that_crosses_over_beyond_its_model_is_no_figure(log, few_draws, monkeypatch):
+    monkeypatch.setattr(rotorflight_tune, "_FITS", [(*rotorflight_tune._FITS[1][:2], 2.0)])
     for top, told in (8.3, "tells the model to 8.11; fly"), (5.0, "beyond 2 to 4.99 rad/s; fly"):
         monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_, top=top: (2.0, top))
         found = tune_blackbox([str(log)])  # of two octaves at least a model is told

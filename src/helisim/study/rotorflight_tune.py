@@ -45,21 +45,23 @@ from helisim.study.log_tune import (
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
 _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
 # rms of the relative difference between a flight's responses and the mean of those along it, as
-# sticks move most in some of it (scripts/proof/rotorflight_study.py); yaw's, as a tail's thrust by
-# its pitch is 6 to 9 % less at 3 m/s than in the hover
+# sticks move most in some of it, where airspeed does little (scripts/proof/rotorflight_study.py)
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
-_ELSEWHERE, _TURNED, _WIDE = 0.015, 0.035, 4.0
+_ELSEWHERE, _WIDE = 0.015, 4.0
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
-# back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008
+# back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008. Last, the band's
+# lower edge, rad/s: below yaw's, airspeed turns the nose into or off the wind, which changes by
+# 10 to 45 % along a flight
 _FITS = (
     (
         structures.rollpitch_round.with_fixed(
             {"A_u": 0.003, "A_v": 0.0}, {"A_u": 0.002, "A_v": 0.007}
         ),
         ("ped", "col"),
+        _BAND[0],
     ),
-    (structures.yaw_alone, ("lat", "lon", "col")),
-    (structures.heave_imu, ("lat", "lon", "ped")),
+    (structures.yaw_alone, ("lat", "lon", "col"), 4.0),
+    (structures.heave_imu, ("lat", "lon", "ped"), _BAND[0]),
 )
 _ODD = 0.15  # A_b + B_a, of the usual rotor: taken for it where a flight tells it no better
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
@@ -355,7 +357,7 @@ def _models(
             if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
         )
 
-    for own, others in _FITS if records else ():
+    for own, others, low in _FITS if records else ():
         if motor_tail and "ped" in own.inputs:
             remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
             continue
@@ -370,14 +372,14 @@ def _models(
             continue
         try:
             asked = InferredFit(
-                own.name, own.inputs, own.outputs, moving(*others), ("none",), _BAND, ""
+                own.name, own.inputs, own.outputs, moving(*others), ("none",), (low, _BAND[1]), ""
             )
             estimate = _elsewhere(
                 estimate_fits(records, [asked], "predictor")[0],
                 max(one.sample_time for one in records),
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
-            band = followed_band(estimate, own, _BAND)
+            band = followed_band(estimate, own, asked.band)
             fit = identify(estimate, own, band=band)
             if "odd_cross" in own.names and not fit.parameters["odd_cross"].standard_error < _ODD:
                 tied = own.with_fixed({"odd_cross": 0.0}, {"odd_cross": _ODD})
@@ -406,17 +408,20 @@ def _models(
 def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     """Return a response whose errors hold by how much, and how late, flights differ.
 
-    What feedback shows in records biases no prediction by what the law itself saw. Its commands
-    went out as they are logged, each `step`, s: what they last, the last gap, is half of one.
+    They differ by more below twice the lowest frequency, where airspeed has time to act. What
+    feedback shows in records biases no prediction by what the law itself saw. Its commands went out
+    as they are logged, each `step`, s: what they last, the last gap, is half of one.
     """
     assert found.scatter is not None
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
-    apart = np.multiply.outer([1.0, 1j], whole * (_TURNED if "r" in found.outputs else _ELSEWHERE))
     half, gap = 0.5j * step * found.frequency * whole, np.asarray(found.scatter.gap)
+    share = _ELSEWHERE * np.hypot(1.0, (2.0 * found.frequency[0] / found.frequency) ** 2)
     lasts = np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
     return replace(
         found,
-        scatter=replace(found.scatter, gap=np.stack([*gap[:-1], lasts, *apart])),
+        scatter=replace(
+            found.scatter, gap=np.stack([*gap[:-1], lasts, share * whole, 1j * share * whole])
+        ),
         evidence=tuple(one for one in found.evidence if one.kind != "feedback"),
     )
 
