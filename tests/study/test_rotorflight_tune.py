@@ -228,6 +228,25 @@ def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
     assert any(one.startswith("heave: a degree more of collective lifts") for one in tuned.remarks)
 
 
+def test_a_log_that_lost_frames_is_tuned_of_the_rest(log, tmp_path, few_draws, monkeypatch):
+    """For a moment at hit bytes, and for a second in its middle."""
+    monkeypatch.setattr(rotorflight_tune, "_FITS", rotorflight_tune._FITS[1:2])
+    data, place = bytearray(log.read_bytes()), tmp_path / "hit.bbl"
+    for at in np.linspace(len(data) // 10, len(data) - 1, 30, dtype=int).tolist():
+        data[at] ^= 255
+    del data[len(data) // 2 : len(data) // 2 + len(data) // 60]
+    place.write_bytes(data)
+    found = tune_blackbox([str(place)])
+    said, (fit,) = " ".join(found.remarks), found.fits
+    assert re.search(r"\d{3} frames missing between others, in \d\d places", said)
+    assert "samples were lost" in said
+    assert re.search(r"a gap of 1.\d+ s from \d+.\d+ s after the start \(1 gap,", said)
+    assert "--repair" not in said
+    low, high = fit.parameters["N_ped"].interval
+    assert low < N_PED < high < 1.2 * low
+    assert {one.kind for one in fit.verdict.reasons} <= {"lost"}
+
+
 def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):
     columns = flown(2.0)
     other = {"Firmware type": "Betaflight", "Firmware revision": "Betaflight 4.5.0 (a) X"}

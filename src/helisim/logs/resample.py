@@ -85,9 +85,13 @@ def cut(
         said = [f"{first.counts}s {one.first_row} to {one.last_row}" for one in short[:3]] + [
             f"and {len(short) - 3} more"
         ] * (len(short) > 3)
-        text = f"left out as too short: {', '.join(said)}"
-        rows = tuple(row for one in short for row in (one.first_row, one.last_row))
-        findings.note("short part", text, len(short), rows, repaired=True)
+        asked = f" for {options.min_duration:g} s" * (options.min_duration > 0.0)
+        text = f"left out as too short{asked}: {', '.join(said)}"
+        findings.note(
+            *("short part", text, len(short)),
+            tuple(row for one in short for row in (one.first_row, one.last_row)),
+            repaired=True,
+        )
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
 
 

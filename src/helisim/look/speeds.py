@@ -50,7 +50,7 @@ def most_flown(records: Sequence[FlightRecord]) -> tuple[list[FlightRecord], lis
             + f", {low:.0f} to {high:.0f} rpm" * bool(middle > 1.0)
             + "; tune flights at other speeds by themselves"
             if found
-            else f"None lasts for {_SHORT:g} s, so there is no model"
+            else f"None lasts for {_SHORT:g} s, so there is no model: stay at each speed for longer"
         )
     ]
 
@@ -70,7 +70,7 @@ def droop(records: Sequence[FlightRecord]) -> Iterator[str]:
         yield (
             f"rotor speed: {np.mean(speed):.0f} rpm, {np.min(speed):.0f} to {np.max(speed):.0f}; "
             f"{before:.0f} in the lowest tenth of the collective, {after:.0f} in the highest: the "
-            f"governor lets it droop by {100.0 * (1.0 - after / before):.2g} %"
+            f"governor lets it droop by {round(100.0 * (1.0 - after / before), 1) + 0.0:g} %"
         )
 
 

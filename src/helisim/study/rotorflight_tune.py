@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +64,8 @@ _FITS = (
     (structures.yaw_alone, ("lat", "lon", "col"), 4.0),
     (structures.heave_imu, ("lat", "lon", "ped"), _BAND[0]),
 )
+# A log is filled where it lost frames for a moment, s, else split; records are so long, s, at least
+_READ: Any = {"repair": ("gaps", "resets"), "max_gap": 0.1, "min_duration": 10.0}
 _ODD = 0.15  # A_b + B_a, of the usual rotor: taken for it where a flight tells it no better
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
@@ -158,8 +161,11 @@ def law_of_log(
         gains = dict(zip(_TERMS, _numbers(log, f"{axis}PID", 3)))
         if axis != "yaw" and {f"axisF[{k}]", f"setpoint[{k}]"} <= log.columns.keys():
             (by,), *_ = np.linalg.lstsq(log.raw(f"setpoint[{k}]")[:, None], log.raw(f"axisF[{k}]"))
-            gains = {"f": float(np.clip(np.rint(1e-3 * by / of.SCALES[axis]["f"]), 0, 1e3))} | gains
-            gains |= {} if f"axisO[{k}]" in log.columns else {"o": 0.0}  # logged above 0 alone
+            gains = {
+                "f": float(np.clip(np.rint(1e-3 * by / of.SCALES[axis]["f"]), 0, 1e3)),
+                **gains,
+                **({} if f"axisO[{k}]" in log.columns else {"o": 0.0}),  # logged above 0 alone
+            }
         told = _dumped(axis, dump or {})
         if others := [name for name in gains.keys() & told.keys() if gains[name] != told[name]]:
             raise LogError(
@@ -233,7 +239,7 @@ def tune_blackbox(
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     first = open_blackbox(paths[0], file_digest(paths[0]), None)
     told = None if dump is None else read_dump(dump)
-    law, remarks = law_of_log(first, told), [one.text for one in first.source.findings]
+    law, remarks = law_of_log(first, told), list[str]()
     period = 1e-6 * math.prod(
         _numbers(first, one, 1)[0]
         for one in ("looptime", *({"pid_process_denom"} & first.header.keys()))
@@ -249,7 +255,6 @@ def tune_blackbox(
             f"the header lacks {', '.join(lacks)}, as before Rotorflight 4.4: the firmware's "
             "defaults are taken; give a dump of the command line (diff all)"
         )
-    records = [record for one in paths for record in read_log(one).records]
     if others := [
         one.name
         for one in paths[1:]  # one at a time: a log is large
@@ -259,9 +264,25 @@ def tune_blackbox(
             f"{', '.join(others)}: other gains or filters than in "
             f"{paths[0].name}: today's loops are of one law; tune each by itself"
         )
-    law = law_of_log(first, told, float(np.mean(np.concatenate([one["col"] for one in records]))))
-    records, said = most_flown(records)
-    remarks += [*said, *droop(records)]
+    read = [
+        read_log(path, **_READ, resample_hz=1.0 / one.report.step[1])
+        if any(part.uneven for part in one.report.parts)
+        else one
+        for path, one in zip(paths, (read_log(one, **_READ) for one in paths))
+    ]
+    col = np.concatenate([one["col"] for log in read for one in log.records])
+    law = law_of_log(first, told, float(np.mean(col)))
+    records, said = most_flown([one for log in read for one in log.records])
+    remarks += [
+        *(
+            one.text
+            for log in read
+            for one in log.report.findings
+            if not one.remedy and one.kind != "angle wraps"
+        ),
+        *said,
+        *droop(records),
+    ]
     today = Feedback(law, period, {})
     on_step("vibration")
     heard = blackbox_vibration(first, today.felt)
@@ -303,13 +324,15 @@ def tune_blackbox(
     )
     better, found = _with(law, period, gains), []
     for axis in axes:
-        loops = {"today": ClosedLoop(plant, today).broken(axis)}
-        shown = _seen(stays[axis], loops["today"], f"{axis_of(axis).word} today", remarks)
+        loop = ClosedLoop(plant, today).broken(axis)
+        shown = _seen(stays[axis], loop, f"{axis_of(axis).word} today", remarks)
         if axis in wrong:
             shown = {
                 name: Interval(figure.value, math.nan, math.nan) for name, figure in shown.items()
             }
-        one = AxisTuning(axis, False, shown, why=(none | wrong).get(axis, ""), loops=loops)
+        one = AxisTuning(
+            axis, False, shown, why=(none | wrong).get(axis, ""), loops={"today": loop}
+        )
         if axis in gains:
             changes = _changes(
                 axis,
@@ -416,12 +439,10 @@ def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
     half, gap = 0.5j * step * found.frequency * whole, np.asarray(found.scatter.gap)
     share = _ELSEWHERE * np.hypot(1.0, (2.0 * found.frequency[0] / found.frequency) ** 2)
-    lasts = np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
+    gaps = *gap[:-1], np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
     return replace(
         found,
-        scatter=replace(
-            found.scatter, gap=np.stack([*gap[:-1], lasts, share * whole, 1j * share * whole])
-        ),
+        scatter=replace(found.scatter, gap=np.stack([*gaps, share * whole, 1j * share * whole])),
         evidence=tuple(one for one in found.evidence if one.kind != "feedback"),
     )
 
@@ -484,8 +505,7 @@ def _changes(
 
     F does where the header has it (`ahead`) and the flight tells another by more than its error.
     """
-    name = _AXES[axis]
-    today, unit = getattr(law, name), command_of(name, "f")
+    today, unit = getattr(law, _AXES[axis]), command_of(_AXES[axis], "f")
     settings = {term: round(one) for term, one in _settings(axis, gains).items()}
     fed, *others = (holds(plant, axis) / unit for plant in plants)
     error = 1.96 * float(np.std(others))
@@ -493,7 +513,7 @@ def _changes(
         settings["f"] = round(fed)
     return tuple(
         Changed(
-            f"{name}_{term}_gain",
+            f"{_AXES[axis]}_{term}_gain",
             float(round(getattr(today, term))),
             float(value),
             _WHYS[term],
