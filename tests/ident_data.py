@@ -1,6 +1,7 @@
 """Frequency responses of known models, exact or with noise, and fits of them."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 from helisim import ident
 from helisim.ident import Fit, FrequencyResponse, Structure, identify
@@ -20,6 +21,14 @@ def record(step=0.05, provenance=None, **columns):
     values = np.stack(list(columns.values()), axis=1)
     channels = tuple(map(channel, columns))
     return FlightRecord(np.arange(len(values)) * step, values, channels, provenance or {})
+
+
+def heave(seed, n=3000):
+    """Return a record of vertical speed, noisy, over a coloured collective."""
+    rng = np.random.default_rng(seed)
+    col = np.convolve(rng.standard_normal(n), np.ones(9) / 9.0, "same")
+    w = lfilter([0.0, -0.4], [1.0, -0.99], col)
+    return record(0.01, col=col, w=w + 0.01 * rng.standard_normal(n))
 
 
 def data(found, frequency=GRID, *, inputs=("u",), outputs=("y",), noise=0.0, seed=0, **units):

@@ -9,28 +9,18 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from command import python
 from helisim.ident import frequency_response, identify, structures, verify
-from helisim.records.record import FlightRecord, channel, one_blas_thread
+from helisim.records.record import one_blas_thread
+from ident_data import heave
 
 
 def blas_threads():
     return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
 
-def flight(seed, n=12_000):
-    rng = np.random.default_rng(seed)
-    col = np.convolve(rng.standard_normal(n), np.ones(5) / 5.0, "same")
-    w = np.zeros(n)
-    for k in range(1, n):
-        w[k] = 0.99 * w[k - 1] - 0.1 * col[k - 1]
-    channels = (channel("col"), channel("w"))
-    values = np.column_stack([col, w + 0.01 * rng.standard_normal(n)])
-    return FlightRecord(0.01 * np.arange(n), values, channels)
-
-
 def numbers():
-    frf = frequency_response(flight(1), inputs="col", outputs="w", band=(0.3, 12.0))
+    frf = frequency_response(heave(1, 12_000), inputs="col", outputs="w", band=(0.3, 12.0))
     fit = identify(frf, structures.heave)
-    verified = verify(fit, flight(2, 2000))
+    verified = verify(fit, heave(2, 2000))
     values = [*fit.values.values(), *(one.cramer_rao for one in fit.parameters.values())]
     return frf.response.tobytes() + np.array([*values, verified.tic]).tobytes()
 

@@ -22,6 +22,7 @@ from helisim.logs import Map  # noqa: F401  (rows name it)
 from helisim.logs.examples import FOLDER
 from helisim.records.record import Channel, FlightRecord, channel, versions
 from helisim.records.storage import read_record, write_record
+from ident_data import heave
 from script import loaded
 from tabled import tabled
 
@@ -193,16 +194,6 @@ def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read
 )
 def test_a_toml_value_comes_back(value):
     assert tomllib.loads(f"x = {toml_value(value)}") == {"x": value}
-
-
-def heave(seed, n=3000):
-    rng = np.random.default_rng(seed)
-    col = np.convolve(rng.standard_normal(n), np.ones(9) / 9.0, "same")
-    w = np.zeros(n)
-    for k in range(1, n):
-        w[k] = 0.99 * w[k - 1] - 0.4 * col[k - 1]
-    values = np.column_stack([col, w + 0.01 * rng.standard_normal(n)])
-    return FlightRecord(0.01 * np.arange(n), values, (channel("col"), channel("w")))
 
 
 @pytest.fixture(scope="module")
