@@ -229,22 +229,24 @@ def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
 
 
 def test_a_log_that_lost_frames_is_tuned_of_the_rest(log, tmp_path, few_draws, monkeypatch):
-    """For a moment at hit bytes, and for a second in its middle."""
+    """For a moment at hit bytes, of which few are borne, and for a second in its middle."""
     monkeypatch.setattr(rotorflight_tune, "_FITS", rotorflight_tune._FITS[1:2])
-    data, place = bytearray(log.read_bytes()), tmp_path / "hit.bbl"
-    for at in np.linspace(len(data) // 10, len(data) - 1, 30, dtype=int).tolist():
-        data[at] ^= 255
-    del data[len(data) // 2 : len(data) // 2 + len(data) // 60]
-    place.write_bytes(data)
-    found = tune_blackbox([str(place)])
-    said, (fit,) = " ".join(found.remarks), found.fits
-    assert re.search(r"\d{3} frames missing between others, in \d\d places", said)
-    assert "samples were lost" in said
-    assert re.search(r"a gap of 1.\d+ s from \d+.\d+ s after the start \(1 gap,", said)
-    assert "--repair" not in said
-    low, high = fit.parameters["N_ped"].interval
-    assert low < N_PED < high < 1.2 * low
-    assert {one.kind for one in fit.verdict.reasons} <= {"lost"}
+    for count, doubt in (4, set()), (30, {"corruption"}):
+        data, place = bytearray(log.read_bytes()), tmp_path / "hit.bbl"
+        for at in np.linspace(len(data) // 10, len(data) - 99, count, dtype=int).tolist():
+            data[at] ^= 255
+        del data[len(data) // 2 : len(data) // 2 + len(data) // 60]
+        place.write_bytes(data)
+        found = tune_blackbox([str(place)])
+        said, (fit,) = " ".join(found.remarks), found.fits
+        assert re.search(r"\d{3} frames missing between others, in \d+ places", said)
+        assert re.search(r"a gap of 1.\d+ s from \d+.\d+ s after the start \(1 gap,", said)
+        assert "count as missing" in said
+        assert "--repair" not in said
+        low, high = fit.parameters["N_ped"].interval
+        assert low < N_PED < high < 1.2 * low
+        assert {one.kind for one in fit.verdict.reasons} - {"lost"} == doubt
+        assert bool(found.changes) == (not doubt)
 
 
 def test_logs_that_tell_no_gains_are_refused_by_name(tmp_path):

@@ -30,6 +30,7 @@ _DOUBTS = frozenset(
         "nonlinear",
         "records",
         "lost",
+        "corruption",
         "frozen",
         "varying",
         "drift",

@@ -16,6 +16,7 @@ import numpy as np
 from helisim.base.arrays import Complex, Real
 from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.base.linear import Linear
+from helisim.base.note import Note
 from helisim.base.settings import setting_names
 from helisim.design.laws import rotorflight as of
 from helisim.handling.closed_loop import ClosedLoop
@@ -66,7 +67,9 @@ _FITS = (
 )
 # A log is filled where it lost frames for a moment, s, else split; records are so long, s, at least
 _READ: Any = {"repair": ("gaps", "resets"), "max_gap": 0.1, "min_duration": 10.0}
-_ODD = 0.15  # A_b + B_a, of the usual rotor: taken for it where a flight tells it no better
+# A_b + B_a, of the usual rotor: taken for it where a flight tells it no better. Places where a log
+# was hit, from which as many more, unseen, bias models
+_ODD, _HITS = 0.15, 5
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
 _TERMS = "pidfbo"  # in the header's order, which has O elsewhere
@@ -291,8 +294,19 @@ def tune_blackbox(
     corner = _numbers(first, "acc_lpf_hz", 1)[0] / 100.0 if "acc_lpf_hz" in first.header else 10.0
     # a Bessel filter, 3 dB down at the corner, 10 Hz by default
     felt = blocks.second_order("acc", omega=1.2720 * math.tau * corner, zeta=math.sqrt(0.75))
+    hit = [
+        Note(
+            "corruption",
+            f"no whole frame is in {count} places of the log: where it is hit inside a frame, "
+            "numbers are wrong that nobody sees; read it out of the memory anew",
+        )
+        for count in [
+            sum(open_blackbox(one, file_digest(one), None).counts["corrupt"] for one in paths)
+        ]
+        if count > _HITS
+    ]
     fits, wrong = _models(
-        records, remarks, {"az": felt} if corner else {}, "motor[1]" in first.columns
+        records, remarks, {"az": felt} if corner else {}, "motor[1]" in first.columns, hit
     )
     if not (held := [fit for fit in fits if "col" not in fit.structure.inputs]):
         return LogTuning(names, heard, remarks=tuple(remarks), fits=tuple(fits))
@@ -366,10 +380,12 @@ def _models(
     remarks: list[str],
     behind: Mapping[str, Structure],
     motor_tail: bool,
+    doubts: Sequence[Note] = (),
 ) -> tuple[list[Fit], dict[str, str]]:
     """Return models that flights tell, and why an axis has no gains; extend the remarks.
 
-    `behind` are filters through which channels are logged. Errors hold what flights differ by.
+    `behind` are filters through which channels are logged, `doubts` those that hold for all models.
+    Errors hold what flights differ by.
     """
     fits, wrong = list[Fit](), dict[str, str]()
 
@@ -400,6 +416,7 @@ def _models(
             estimate = _elsewhere(
                 estimate_fits(records, [asked], "predictor")[0],
                 max(one.sample_time for one in records),
+                doubts,
             )
             own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
             band = followed_band(estimate, own, asked.band)
@@ -428,7 +445,7 @@ def _models(
     return fits, wrong
 
 
-def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
+def _elsewhere(found: FrequencyResponse, step: float, doubts: Sequence[Note]) -> FrequencyResponse:
     """Return a response whose errors hold by how much, and how late, flights differ.
 
     They differ by more below twice the lowest frequency, where airspeed has time to act. What
@@ -443,7 +460,7 @@ def _elsewhere(found: FrequencyResponse, step: float) -> FrequencyResponse:
     return replace(
         found,
         scatter=replace(found.scatter, gap=np.stack([*gaps, share * whole, 1j * share * whole])),
-        evidence=tuple(one for one in found.evidence if one.kind != "feedback"),
+        evidence=(*(one for one in found.evidence if one.kind != "feedback"), *doubts),
     )
 
 
@@ -493,8 +510,10 @@ def _with(law: of.Rotorflight, period: float, gains: Mapping[str, Gains]) -> Fee
 
 def _whole(axis: str, gains: Gains) -> Gains:
     """Return gains as whole settings give them."""
-    name, own = _AXES[axis], _settings(axis, gains)
-    p, i, d = (command_of(name, term) * round(max(own[term], term != "d")) for term in "pid")
+    p, i, d = (
+        command_of(_AXES[axis], term) * round(max(one, term != "d"))
+        for term, one in _settings(axis, gains).items()
+    )
     return Gains(p, 0.0, d, gains.ff, i / p)
 
 
