@@ -49,7 +49,8 @@ _BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary f
 # rms of the relative difference between a flight's responses and the mean of those along it, as
 # sticks move most in some of it, where airspeed does little (scripts/proof/rotorflight_study.py)
 # From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
-_ELSEWHERE, _WIDE = 0.015, 4.0
+# s, of any delay: a servo's pulses come at most 560 times a second; less is a controller's inverse
+_ELSEWHERE, _WIDE, _LATE = 0.015, 4.0, 0.0018
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008. Last, the band's
 # lower edge, rad/s: below yaw's, airspeed turns the nose into or off the wind, which changes by
@@ -425,7 +426,12 @@ def _models(
                 tied = own.with_fixed({"odd_cross": 0.0}, {"odd_cross": _ODD})
                 fit = identify(estimate, tied, band=band)
             if blind := [
-                *(k for k, x in fit.parameters.items() if math.isinf(x.standard_error)),
+                *(
+                    name
+                    for name, one in fit.parameters.items()
+                    if math.isinf(one.standard_error)
+                    or (one.definition.unit == "s" and not one.fixed and one.value < _LATE)
+                ),
                 *(
                     f"{pair} beyond {low:.3g} to {high:.3g} rad/s"
                     for pair, (low, high) in fit.bands.items()
