@@ -245,10 +245,6 @@ def test_a_designed_law_has_the_margins_and_the_rejection_that_were_asked_for():
         assert rejection_by_control(law, axis) > 1.05 * wanted * 0.995
 
 
-def loop_of(law: SmallLaw) -> ClosedLoop:
-    return ClosedLoop(PLANT, law.linear(PERIOD), np.geomspace(0.3, 120.0, 120))
-
-
 @pytest.mark.slow
 def test_what_cannot_be_met_is_named_with_the_nearest_value_that_can():
     with pytest.raises(
@@ -260,7 +256,8 @@ def test_what_cannot_be_met_is_named_with_the_nearest_value_that_can():
     most = 0.0
     for rate, angle in product(np.linspace(0.2, 0.3, 51), (0.0034, 0.2, 1.0)):
         law = SmallLaw().replace({"lat.k_rate": rate, "lat.k_angle": angle, "lon.k_rate": 0.17})
-        if loop_of(law).poles.real.max() < 0.0:
+        loop = ClosedLoop(PLANT, law.linear(PERIOD), np.geomspace(0.3, 120.0, 120))
+        if loop.poles.real.max() < 0.0:
             gain, phase, *_ = control.stability_margins(cut_by_control(law, "lat"))
             if 20.0 * np.log10(gain) >= 6.0 and phase >= 45.0:
                 most = max(most, rejection_by_control(law, "lat"))

@@ -16,10 +16,6 @@ from tabled import rows, tabled
 GRID = np.geomspace(0.5, 20.0, 15)
 
 
-def near_starts(structure):
-    return {one.name: one.start or 0.3 * one.magnitude for one in structure.parameters}
-
-
 JORDAN = Structure(
     name="lags",
     parameters=tuple(Parameter(name, "1", 1.0) for name in ("T", "K")),
@@ -44,7 +40,8 @@ def test_equal_lags_are_their_transfer_function():
 
 
 def test_points_are_those_of_the_whole_response():
-    structure, values = structures.hover, near_starts(structures.hover)
+    structure = structures.hover
+    values = {one.name: one.start or 0.3 * one.magnitude for one in structure.parameters}
     total, slope = response_and_slope(structure, values, GRID)
     random = np.random.default_rng(5)
     o, i, k = (random.integers(0, top, 50) for top in (4, 2, GRID.size))

@@ -39,10 +39,6 @@ def standing(vehicle, ground, rotor=0.0):
     return model, data
 
 
-def grip(model):
-    model.geom_friction[:, 0] = 2.0
-
-
 def stepped(model, data, seconds):
     rows = []
     with installed():
@@ -73,7 +69,7 @@ def test_it_tips_over_where_its_weight_leaves_the_skids(blade360, share):
     # of the MJCF: skids 70 mm aside and 85 mm below the centre of gravity, of 3 mm radius
     steepest = math.atan(0.070 / 0.088)
     model, data = standing(blade360, Ground())
-    grip(model)
+    model.geom_friction[:, 0] = 2.0
     slope = share * steepest
     model.opt.gravity[:] = 9.80665 * np.array([0.0, math.sin(slope), -math.cos(slope)])
     stepped(model, data, 4.0)

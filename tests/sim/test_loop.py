@@ -65,10 +65,6 @@ def test_remnant_is_what_was_asked(jr700):
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)
 
 
-def same(one, other):
-    return np.array_equal(one.values, other.values)
-
-
 def test_without_a_controller_the_servos_are_the_callers_also_in_a_flight(jr700):
     model, data = copy.copy(jr700.model), jr700.hovering()
     hs.set_controller(model, None)
@@ -155,4 +151,5 @@ def test_states_need_room(jr700):
     assert record.ended == ""
     assert vehicle.visual_model().na == vehicle.model.na
     back = vehicle.with_controller(Controller())
-    assert same(hs.fly(back, FAST, jobs=1)[0], hs.fly(jr700, FAST, jobs=1)[0])
+    (one,), (other,) = (hs.fly(flown, FAST, jobs=1) for flown in (back, jr700))
+    assert np.array_equal(one.values, other.values)
