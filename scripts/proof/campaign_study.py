@@ -49,7 +49,10 @@ def verdict(rows: Sequence[Row]) -> None:
         lines[f"{one.model} {one.parameter}{method}"].append(one)
     flown = [f"{n} x {s:g} s" for n, s in sorted({(r["flights"], r[LENGTH]) for r in rows})]
     for head, width, cell in (
-        ("bias +- scatter, stated", 26, scattered),
+        (
+            *("bias +- scatter, stated", 26),
+            lambda one: f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}{100 * one.stated:8.2f}",
+        ),
         ("% in 95 %, of sweeps", 12, lambda one: f"{100 * held(one):.0f}"),
     ):
         print()
@@ -58,10 +61,6 @@ def verdict(rows: Sequence[Row]) -> None:
     for k, what in enumerate(flown):
         low = [name for name, line in lines.items() if not held(line[k]) >= HELD]
         print(f"{what}: " + (f"fail, below {HELD:.0%}: {', '.join(low)}" if low else "pass"))
-
-
-def scattered(one: Summary) -> str:
-    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}{100 * one.stated:8.2f}"
 
 
 def held(one: Summary) -> float:
