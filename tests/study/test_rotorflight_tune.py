@@ -242,7 +242,7 @@ def test_a_log_that_lost_frames_is_tuned_of_the_rest(log, tmp_path, few_draws, m
         assert re.search(r"\d{3} frames missing between others, in \d+ places", said)
         assert re.search(r"a gap of 1.\d+ s from \d+.\d+ s after the start \(1 gap,", said)
         assert "count as missing" in said
-        assert "--repair" not in said
+        assert "repair" not in said
         low, high = fit.parameters["N_ped"].interval
         assert low < N_PED < high < 1.2 * low
         assert {one.kind for one in fit.verdict.reasons} - {"lost"} == doubt

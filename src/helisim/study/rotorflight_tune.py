@@ -279,10 +279,10 @@ def tune_blackbox(
     records, said = most_flown([one for log in read for one in log.records])
     remarks += [
         *(
-            one.text
+            one.text.partition("; the repair ")[0]  # which is of other commands
             for log in read
             for one in log.report.findings
-            if not one.remedy and one.kind != "angle wraps"
+            if one.kind != "angle wraps"
         ),
         *said,
         *droop(records),
@@ -455,8 +455,9 @@ def _elsewhere(found: FrequencyResponse, step: float, doubts: Sequence[Note]) ->
     """Return a response whose errors hold by how much, and how late, flights differ.
 
     They differ by more below twice the lowest frequency, where airspeed has time to act. What
-    feedback shows in records biases no prediction by what the law itself saw. Its commands went out
-    as they are logged, each `step`, s: what they last, the last gap, is half of one.
+    feedback shows in records biases no prediction by what the law itself saw, and firmware names
+    its columns: a soft rotor may move the other axis more. Its commands went out as they are
+    logged, each `step`, s: what they last, the last gap, is half of one.
     """
     assert found.scatter is not None
     whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
@@ -466,7 +467,10 @@ def _elsewhere(found: FrequencyResponse, step: float, doubts: Sequence[Note]) ->
     return replace(
         found,
         scatter=replace(found.scatter, gap=np.stack([*gaps, share * whole, 1j * share * whole])),
-        evidence=(*(one for one in found.evidence if one.kind != "feedback"), *doubts),
+        evidence=(
+            *(one for one in found.evidence if one.kind not in ("feedback", "columns")),
+            *doubts,
+        ),
     )
 
 
