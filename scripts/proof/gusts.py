@@ -107,6 +107,16 @@ def fly(truth: Truth, seed: int, runs: int = 1) -> list[list[hs.FlightRecord]]:
     return [logs[k : k + truth.count * n_in] for k in range(0, each, truth.count * n_in)]
 
 
+def open_loop(truth: Truth) -> Truth:
+    """Return a truth without feedback, in the same gusts."""
+    return replace(truth, law={})
+
+
+def calm(truth: Truth) -> Truth:
+    """Return a truth with feedback, without gusts."""
+    return replace(truth, gust=(0.0, *truth.gust[1:]))
+
+
 def estimated(truth: Truth, records: Sequence[hs.FlightRecord], reference: bool) -> hs.Fit:
     """Return the fit to the records, by their default band."""
     sticks = tuple(map(str.upper, truth.structure.inputs)) if reference else None
@@ -129,11 +139,7 @@ def wrong(value: np.ndarray, gap: np.ndarray, error: np.ndarray) -> np.ndarray:
 def main(*, seeds: int = 40, only: str = "", cases: str = "joint,direct,open,calm") -> int:
     failed = False
     for name, truth in TRUTHS.items():
-        airs = {
-            **dict.fromkeys(("joint", "direct"), truth),
-            "open": replace(truth, law={}),
-            "calm": replace(truth, gust=(0.0, *truth.gust[1:])),
-        }
+        airs = {"joint": truth, "direct": truth, "open": open_loop(truth), "calm": calm(truth)}
         if name == "hover":
             del airs["open"]  # it doesn't stay in place
         for case in cases.split(",") if common.wanted(only, name) else ():

@@ -91,9 +91,11 @@ def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
         structural = _structural(cost, left, expected, minimised, scale, gain)
         covariance = gain @ scatter @ gain.T + structural
         # each an error of its own: together they could cancel
-        moved = gain @ (scale * np.hstack([cost.points.gap.real, cost.points.gap.imag])).T
-        covariance = covariance + moved @ moved.T
-        omitted = tuple(_omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter))
+        gaps = scale * np.hstack([cost.points.gap.real, cost.points.gap.imag])
+        covariance = covariance + (moved := gain @ gaps.T) @ moved.T
+        omitted = tuple(
+            _omitted_lags(cost, x, left, minimised / unit, unit, scale, scatter + gaps.T @ gaps)
+        )
     known = cost.structure.uncertain
     carried = np.zeros((x.size, len(known)))
     if carried.size:
