@@ -54,7 +54,7 @@ _ELSEWHERE, _WIDE, _LATE = 0.015, 4.0, 0.0018
 # The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
 # back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008. Last, the band's
 # lower edge, rad/s: below yaw's, airspeed turns the nose into or off the wind, which changes by
-# 10 to 45 % along a flight
+# 10 to 60 % along a flight
 _FITS = (
     (
         structures.rollpitch_round.with_fixed(
