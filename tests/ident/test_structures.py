@@ -17,7 +17,7 @@ from helisim.ident import Parameter, Structure, identify, structures
 from helisim.ident.evaluate import linear, response
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program, value_at
 from helisim.ident.structures import transfer_function
-from helisim.study.rotorflight_tune import _ODD
+from helisim.study.rotorflight_models import _ODD
 from helisim.vehicle import load
 from ident_data import of_model
 from tabled import rows, tabled

@@ -21,7 +21,7 @@ from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import PredictedLoop
 from helisim.logs.blackbox import Blackbox
 from helisim.look.speeds import most_flown
-from helisim.study import rotorflight_tune
+from helisim.study import rotorflight_models, rotorflight_tune
 from helisim.study.rotorflight_tune import Feedback, law_of_log, tune_blackbox
 from script import loaded
 
@@ -207,9 +207,9 @@ def test_a_minute_of_flying_a_stiff_rotor_tells_roll_and_pitch(tmp_path, monkeyp
     law, period = flights.law_for(vehicle), vehicle.parameters["gyro.period"]
     columns = flights.columns(vehicle, law, *flights.fly(vehicle, law, seed=1, duration=60.0))
     (tmp_path / "log.bbl").write_bytes(blackbox_logs.encode(columns, header(law, period)))
-    monkeypatch.setattr(rotorflight_tune, "_FITS", rotorflight_tune._FITS[:1])
+    monkeypatch.setattr(rotorflight_models, "_FITS", rotorflight_models._FITS[:1])
     records = rotorflight_tune.read_log(tmp_path / "log.bbl").records
-    (fit,), _ = rotorflight_tune._models(records, [], {}, motor_tail=False)
+    (fit,), _ = rotorflight_models.models_of(records, [], {}, motor_tail=False)
     assert fit.parameters["odd_cross"].definition.fixed  # its usual size tells more
     for name in ("L_b", "M_a", "tau_f"):
         low, high = fit.parameters[name].interval
@@ -230,7 +230,7 @@ def test_heave_is_told_from_the_accelerometer_behind_its_filter(tuned):
 
 def test_a_log_that_lost_frames_is_tuned_of_the_rest(log, tmp_path, few_draws, monkeypatch):
     """For a moment at hit bytes, of which few are borne, and for a second in its middle."""
-    monkeypatch.setattr(rotorflight_tune, "_FITS", rotorflight_tune._FITS[1:2])
+    monkeypatch.setattr(rotorflight_models, "_FITS", rotorflight_models._FITS[1:2])
     for count, doubt in (4, set()), (30, {"corruption"}):
         data, place = bytearray(log.read_bytes()), tmp_path / "hit.bbl"
         for at in np.linspace(len(data) // 10, len(data) - 99, count, dtype=int).tolist():
@@ -272,9 +272,9 @@ def test_a_feed_forward_that_the_header_lacks_is_not_proposed(tmp_path, columns,
 
 
 def test_a_loop_that_crosses_over_beyond_its_model_is_no_figure(log, few_draws, monkeypatch):
-    monkeypatch.setattr(rotorflight_tune, "_FITS", [(*rotorflight_tune._FITS[1][:2], 2.0)])
+    monkeypatch.setattr(rotorflight_models, "_FITS", [(*rotorflight_models._FITS[1][:2], 2.0)])
     for top, told in (8.3, "tells the model to 8.11; fly"), (5.0, "beyond 2 to 4.99 rad/s; fly"):
-        monkeypatch.setattr(rotorflight_tune, "followed_band", lambda *_, top=top: (2.0, top))
+        monkeypatch.setattr(rotorflight_models, "followed_band", lambda *_, top=top: (2.0, top))
         found = tune_blackbox([str(log)])  # of two octaves at least a model is told
         assert told in " ".join([*found.remarks, *(one.why for one in found.axes)])
         assert all(math.isnan(one.today["crossover"].low) for one in found.axes)

@@ -6,7 +6,7 @@ all gains. Settings and units: design.laws.rotorflight.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from helisim.base.arrays import Complex, Real
-from helisim.base.errors import IdentificationError, InputError, LogError
+from helisim.base.errors import LogError
 from helisim.base.linear import Linear
 from helisim.base.note import Note
 from helisim.base.settings import setting_names
@@ -24,14 +24,13 @@ from helisim.handling.figures import MOST_GAIN, margins
 from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.interval import Interval
 from helisim.handling.predicted import PredictedLoop
-from helisim.ident import Fit, FrequencyResponse, Structure, blocks, identify, in_series, structures
+from helisim.ident import blocks
 from helisim.logs.blackbox import Blackbox, open_blackbox, read_dump
 from helisim.logs.read import read_log
 from helisim.logs.source import file_digest
 from helisim.look.speeds import droop, most_flown
-from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.look.vibration import blackbox_vibration
-from helisim.records.record import IN1, IN2, RATES, FlightRecord, one_blas_thread
+from helisim.records.record import IN1, IN2, RATES, one_blas_thread
 from helisim.sitl.gains import STANDARD, Gains, Required, holds, tuned_axes
 from helisim.study.gusts import whites
 from helisim.study.log_tune import (
@@ -43,34 +42,12 @@ from helisim.study.log_tune import (
     searched,
     whole_plant,
 )
+from helisim.study.rotorflight_models import BAND, FLY, models_of
 
 _AXES = {"lat": "roll", "lon": "pitch", "ped": "yaw"}
-_BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
-# rms of the relative difference between a flight's responses and the mean of those along it, as
-# sticks move most in some of it, where airspeed does little (scripts/proof/rotorflight_study.py)
-# From its lowest frequency to its highest, of an on-axis response: less tells no delay from damping
-# s, of any delay: a servo's pulses come at most 560 times a second; less is a controller's inverse
-_ELSEWHERE, _WIDE, _LATE = 0.015, 4.0, 0.0018
-# The collective moves the nose, and by precompensation the pedals. Gusts hide how a speed flaps
-# back: the JR700 has 0.002 and -0.005 rad s/m, the Blade 360 0.004 and -0.008. Last, the band's
-# lower edge, rad/s: below yaw's, airspeed turns the nose into or off the wind, which changes by
-# 10 to 60 % along a flight
-_FITS = (
-    (
-        structures.rollpitch_round.with_fixed(
-            {"A_u": 0.003, "A_v": 0.0}, {"A_u": 0.002, "A_v": 0.007}
-        ),
-        ("ped", "col"),
-        _BAND[0],
-    ),
-    (structures.yaw_alone, ("lat", "lon", "col"), 4.0),
-    (structures.heave_imu, ("lat", "lon", "ped"), _BAND[0]),
-)
 # A log is filled where it lost frames for a moment, s, else split; records are so long, s, at least
 _READ: Any = {"repair": ("gaps", "resets"), "max_gap": 0.1, "min_duration": 10.0}
-# A_b + B_a, of the usual rotor: taken for it where a flight tells it no better. Places where a log
-# was hit, from which as many more, unseen, bias models
-_ODD, _HITS = 0.15, 5
+_HITS = 5  # places where a log was hit, from which as many more, unseen, bias models
 _ENDS = (1.0, 1000.0)  # of a setting, between which its slope is taken
 _HELD = np.geomspace(2.0, 150.0, 23)  # 1/s, of I over P
 _TERMS = "pidfbo"  # in the header's order, which has O elsewhere
@@ -88,11 +65,6 @@ _WHYS = {
     "d": "gives back phase that P and I take, and passes noise on",
     "f": "the command that holds the rate of the setpoint",
 }
-_FLY = (
-    "fly for two minutes or more at one head speed in calm air with quick stops and reversals of "
-    "each stick by itself, climbs and pitch pumps, too, and log setpoint, mixer, PID, gyro, "
-    "attitude and accelerometer at 250 Hz or more"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +210,8 @@ def tune_blackbox(
     Models from the mixer's commands to the gyro are identified by prediction, which feedback and
     gusts don't bias. Figures are those from 2 rad/s on: what is slower the pilot holds. Gains and
     filters are the header's, or those of `dump`, a file of `diff all` on the command line. Better
-    gains are as of `tune_log`. Raises StorageError, LogError, IdentificationError or InputError.
+    gains are as of `tune_log`. Raises StorageError, LogError, RecordError where nothing lasts for
+    10 s, IdentificationError or InputError.
     """
     names, paths = tuple(str(one) for one in logs), [Path(one) for one in logs]
     first = open_blackbox(paths[0], file_digest(paths[0]), None)
@@ -306,7 +279,7 @@ def tune_blackbox(
         ]
         if count > _HITS
     ]
-    fits, wrong = _models(
+    fits, wrong = models_of(
         records, remarks, {"az": felt} if corner else {}, "motor[1]" in first.columns, hit
     )
     if not (held := [fit for fit in fits if "col" not in fit.structure.inputs]):
@@ -315,10 +288,10 @@ def tune_blackbox(
     plants = [plant, *plant.draws(DRAWS, seed=seed)]
     on_step("loops as flown")
     axes = tuned_axes(plant)
-    stays = dict(zip(axes, map(PredictedLoop.of(plants, today, _BAND[0]).figures, axes)))
+    stays = dict(zip(axes, map(PredictedLoop.of(plants, today, BAND[0]).figures, axes)))
     wrong = {
         axis: f"it crosses over at {at:.3g} rad/s, and the flight tells the model to {top:.3g}; "
-        + _FLY
+        + FLY
         for fit in held
         for axis in fit.structure.inputs
         for at in [stays[axis]["crossover"].value]
@@ -332,7 +305,7 @@ def tune_blackbox(
         lambda some: _with(law, period, some),
         today,
         {axis: one for axis, one in stays.items() if axis not in wrong},
-        required._replace(lowest=_BAND[0]),
+        required._replace(lowest=BAND[0]),
         gusts,
         rounded=_whole,
         held=dict.fromkeys(axes, _HELD),
@@ -376,132 +349,20 @@ def tune_blackbox(
     )
 
 
-def _models(
-    records: Sequence[FlightRecord],
-    remarks: list[str],
-    behind: Mapping[str, Structure],
-    motor_tail: bool,
-    doubts: Sequence[Note] = (),
-) -> tuple[list[Fit], dict[str, str]]:
-    """Return models that flights tell, and why an axis has no gains; extend the remarks.
-
-    `behind` are filters through which channels are logged, `doubts` those that hold for all models.
-    Errors hold what flights differ by.
-    """
-    fits, wrong = list[Fit](), dict[str, str]()
-
-    def moving(*names: str) -> tuple[str, ...]:
-        return tuple(
-            name
-            for name in names
-            if any(name in record and np.ptp(record[name]) > 0.0 for record in records)
-        )
-
-    for own, others, low in _FITS if records else ():
-        if motor_tail and "ped" in own.inputs:
-            remarks.append("yaw: a motor drives the tail, whose throttle has no model here")
-            continue
-        words = " and ".join(axis_of(one).word for one in own.inputs)
-        needed = (*(one.upper() for one in own.inputs), *own.outputs)
-        if len(moving(*needed)) < len(needed):
-            remarks.append(
-                f"no model of {words}: a setpoint of it, or what answers "
-                f"({', '.join(own.outputs)}), is not logged or never moves, and feedback alone "
-                f"shows the controller's inverse; {_FLY}"
-            )
-            continue
-        try:
-            asked = InferredFit(
-                own.name, own.inputs, own.outputs, moving(*others), ("none",), (low, _BAND[1]), ""
-            )
-            estimate = _elsewhere(
-                estimate_fits(records, [asked], "predictor")[0],
-                max(one.sample_time for one in records),
-                doubts,
-            )
-            own = in_series(own, outputs={k: x for k, x in behind.items() if k in own.outputs})
-            band = followed_band(estimate, own, asked.band)
-            fit = identify(estimate, own, band=band)
-            if "odd_cross" in own.names and not fit.parameters["odd_cross"].standard_error < _ODD:
-                tied = own.with_fixed({"odd_cross": 0.0}, {"odd_cross": _ODD})
-                fit = identify(estimate, tied, band=band)
-            if blind := [
-                *(
-                    name
-                    for name, one in fit.parameters.items()
-                    if math.isinf(one.standard_error)
-                    or (one.definition.unit == "s" and not one.fixed and one.value < _LATE)
-                ),
-                *(
-                    f"{pair} beyond {low:.3g} to {high:.3g} rad/s"
-                    for pair, (low, high) in fit.bands.items()
-                    if high < _WIDE * low and pair in map("/".join, zip(own.outputs, own.inputs))
-                ),
-            ]:
-                raise IdentificationError(f"the flight does not show {', '.join(blind)}")
-        except (IdentificationError, InputError) as error:
-            remarks.append(f"no model of {words}: {error}; {_FLY}")
-            continue
-        # lost frames are told by their numbers; whole counts lie on straight lines, too
-        if any(reason.kind != "lost" for reason in fit.verdict.reasons):
-            # figures of a doubtful model may be of motion as large as was flown, and not of all
-            wrong |= dict.fromkeys(own.inputs, f"the model's {fit.verdict}; {_FLY}")
-        fits.append(fit)
-        remarks += [_lift(fit) for name in own.inputs if name == "col"]
-    return fits, wrong
-
-
-def _elsewhere(found: FrequencyResponse, step: float, doubts: Sequence[Note]) -> FrequencyResponse:
-    """Return a response whose errors hold by how much, and how late, flights differ.
-
-    They differ by more below twice the lowest frequency, where airspeed has time to act. What
-    feedback shows in records biases no prediction by what the law itself saw, and firmware names
-    its columns: a soft rotor may move the other axis more. Its commands went out as they are
-    logged, each `step`, s: what they last, the last gap, is half of one.
-    """
-    assert found.scatter is not None
-    whole = np.pad(found.response, ((0, 0), (0, len(found.conditioning)), (0, 0)))
-    half, gap = 0.5j * step * found.frequency * whole, np.asarray(found.scatter.gap)
-    share = _ELSEWHERE * np.hypot(1.0, (2.0 * found.frequency[0] / found.frequency) ** 2)
-    gaps = *gap[:-1], np.where(np.abs(gap[-1]) > np.abs(half), half, gap[-1])
-    return replace(
-        found,
-        scatter=replace(found.scatter, gap=np.stack([*gaps, share * whole, 1j * share * whole])),
-        evidence=(
-            *(one for one in found.evidence if one.kind not in ("feedback", "columns")),
-            *doubts,
-        ),
-    )
-
-
-def _lift(fit: Fit) -> str:
-    """Return what a heave model says, with 95 % intervals."""
-    by, late, damping = (
-        f"{scale * one.value:.3g} ({min(ends):.3g} to {max(ends):.3g})"
-        for name, scale in (("Z_col", -math.radians(1.0)), ("tau_col", 1e3), ("Z_w", -1.0))
-        for one in [fit.parameters[name]]
-        for ends in [[scale * end for end in one.interval]]
-    )
-    return (
-        f"heave: a degree more of collective lifts it by {by} m/s^2, {late} ms late, and climbing "
-        f"brakes it by {damping} of its speed a second; {fit.verdict}; no gain holds heave"
-    )
-
-
 def _seen(
     figures: Mapping[str, Interval], loop: Curve, whose: str, remarks: list[str]
 ) -> dict[str, Interval]:
     """Return figures; a gain margin beyond the models' band gets no bounds, and a remark."""
     nearest, size = min(
-        (turn for turn in margins(loop).gain if turn[0] >= _BAND[0]),
+        (turn for turn in margins(loop).gain if turn[0] >= BAND[0]),
         key=lambda turn: abs(turn[1]),
         default=(float(loop.frequency[-1]), MOST_GAIN),
     )
-    if nearest <= _BAND[1]:
+    if nearest <= BAND[1]:
         return dict(figures)
     remarks.append(
         f"{whose}: the gain margin is about {abs(size):.0f} dB by the models alone, as it lies at "
-        f"{nearest:.0f} rad/s, beyond the {_BAND[1]:g} rad/s to which flights tell them"
+        f"{nearest:.0f} rad/s, beyond the {BAND[1]:g} rad/s to which flights tell them"
     )
     return {**figures, "gain_margin": Interval(abs(size), math.nan, math.nan)}
 
