@@ -14,8 +14,8 @@ from helisim.look.systemid import InferredFit, estimate_fits, followed_band
 from helisim.records.record import FlightRecord
 
 BAND = (2.0, 45.0)  # rad/s; below it speed changes matter, above it ordinary flying moves little
-# _ELSEWHERE: rms of the relative difference between a flight's responses and their mean along it, as
-# sticks move most in some of it, where airspeed does little (scripts/proof/rotorflight_study.py)
+# _ELSEWHERE: rms of the relative difference between a flight's responses and their mean along it,
+# as sticks move most in some of it, where airspeed does little (scripts/proof/rotorflight_study.py)
 # _WIDE: from its lowest frequency to its highest, of an on-axis response: less tells no delay
 # _LATE: s, of any delay: a servo's pulses come at most 560 times a second, less is a controller's
 # inverse
