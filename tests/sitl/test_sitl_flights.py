@@ -139,11 +139,13 @@ def test_a_flight_that_ends_early_keeps_log_and_record(
     monkeypatch.setattr(storage, "write_record", again)
     log, record = tmp_path / "kept.bin", tmp_path / "kept.parquet"
     words = ["--script", own, "--ardupilot", fake(tmp_path, rest), "--log", log, "--record", record]
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background
-    try:  # of a shell ignores it
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    before = {one: signal.signal(one, usual[one]) for one in usual}  # a job in the background
+    try:  # of a shell ignores SIGINT, by nohup SIGHUP
         assert main(["sitl", *map(str, words)]) == status
     finally:
-        signal.signal(signal.SIGINT, before)
+        for one, handler in before.items():
+            signal.signal(one, handler)
     printed = capsys.readouterr()
     assert re.search(said, printed.err.splitlines()[-1])
     assert f"its log until then is kept: {log}" in printed.err
